@@ -1,0 +1,122 @@
+"""What can go wrong, and whose fault it was: the caller's, the port's, the line's, the device's, the configuration's."""
+
+from typing import Any, ClassVar, Literal
+
+Fault = Literal["caller", "port", "line", "device", "configuration", "unknown"]
+
+STATUS_NAMES = {
+    0: "ok",
+    1: "unknown operation",
+    2: "bad axis",
+    3: "bad length",
+    4: "out of range",
+    5: "bad register",
+    6: "wrong mode",
+    7: "profile running",
+    8: "limit or fault latched",
+    9: "emergency stop latched",
+    10: "no HELLO since power-up",
+    11: "busy",
+}
+
+
+class MedusaError(Exception):
+    """Root of every error that the drivers raise on purpose; its text is one line."""
+
+    fault: ClassVar[Fault] = "unknown"
+
+
+class PortError(MedusaError):
+    """The port cannot be opened, or it vanished while in use; `may_have_acted` when a request was under way."""
+
+    fault: ClassVar[Fault] = "port"
+
+    def __init__(self, path: str, reason: str, *, may_have_acted: bool = False) -> None:
+        self.path = path
+        self.reason = reason
+        self.may_have_acted = may_have_acted
+        super().__init__(f"{path}: {reason}" + (" (the request may have acted)" if may_have_acted else ""))
+
+
+class ProtocolError(MedusaError):
+    """The device said something that its protocol page does not allow; `frame` holds the bytes."""
+
+    fault: ClassVar[Fault] = "device"
+
+    def __init__(self, message: str, *, frame: bytes = b"") -> None:
+        self.frame = frame
+        super().__init__(message + (f" [{frame.hex(' ')}]" if frame else ""))
+
+
+class NoReply(ProtocolError):
+    """A request ended without an answer; `may_have_acted` is False only when none of its bytes left the host."""
+
+    fault: ClassVar[Fault] = "line"
+
+    def __init__(self, message: str, *, frame: bytes = b"", may_have_acted: bool = True) -> None:
+        self.may_have_acted = may_have_acted
+        told = "it may have acted" if may_have_acted else "it did not act"
+        super().__init__(f"{message}; {told}", frame=frame)
+
+
+class Withdrawn(NoReply):
+    """A motion command gave way to a later stop, clear or HELLO and is not repeated again."""
+
+    fault: ClassVar[Fault] = "caller"
+
+
+class DeviceSilent(NoReply):
+    """The device answered nothing for a second: it gets only EMERGENCY_STOP and HELLO until it answers one."""
+
+    fault: ClassVar[Fault] = "device"
+
+
+class CommandError(MedusaError):
+    """You asked for something that cannot be done; nothing moved. `status` is the device's answer, if it was asked."""
+
+    fault: ClassVar[Fault] = "caller"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        status: int | None = None,
+        operation: int | None = None,
+        axis: int | None = None,
+    ) -> None:
+        self.status = status
+        self.operation = operation
+        self.axis = axis
+        super().__init__(message)
+
+
+class DeviceFault(MedusaError):
+    """The machine stopped, or cannot be trusted any more; `axis` names the one concerned (None: the whole device)."""
+
+    fault: ClassVar[Fault] = "device"
+
+    def __init__(self, message: str, *, axis: str | int | None = None) -> None:
+        self.axis = axis
+        super().__init__(message)
+
+
+class DeviceRestarted(DeviceFault):
+    """The device lost its state: homing, pose and mode are void."""
+
+    def __init__(self, message: str, *, before: int | None = None, now: int | None = None) -> None:
+        self.before = before
+        self.now = now
+        super().__init__(message)
+
+
+class ConfigError(MedusaError):
+    """A configuration file is wrong: which file, which key, its value and what is allowed."""
+
+    fault: ClassVar[Fault] = "configuration"
+
+    def __init__(self, file: str, key: str, value: Any, allowed: str) -> None:
+        self.file = file
+        self.key = key
+        self.value = value
+        self.allowed = allowed
+        super().__init__(f"{file}: {key} = {value!r}: {allowed}" if key else f"{file}: {allowed}")
