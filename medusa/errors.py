@@ -1,4 +1,4 @@
-"""What can go wrong, and whose fault it was: the caller's, the port's, the line's, the device's, the configuration's."""
+"""What can go wrong, and whose fault it was (`fault`)."""
 
 from typing import Any, ClassVar, Literal
 
@@ -27,7 +27,7 @@ class MedusaError(Exception):
 
 
 class PortError(MedusaError):
-    """The port cannot be opened, or it vanished while in use; `may_have_acted` when a request was under way."""
+    """The port cannot be opened, or vanished in use; `may_have_acted` when a request was under way."""
 
     fault: ClassVar[Fault] = "port"
 
@@ -49,7 +49,7 @@ class ProtocolError(MedusaError):
 
 
 class NoReply(ProtocolError):
-    """A request ended without an answer; `may_have_acted` is False only when none of its bytes left the host."""
+    """A request ended unanswered; `may_have_acted` is False only when none of its bytes left the host."""
 
     fault: ClassVar[Fault] = "line"
 
@@ -66,13 +66,13 @@ class Withdrawn(NoReply):
 
 
 class DeviceSilent(NoReply):
-    """The device answered nothing for a second: it gets only EMERGENCY_STOP and HELLO until it answers one."""
+    """Nothing answered for a second: the device gets only EMERGENCY_STOP and HELLO until it answers one."""
 
     fault: ClassVar[Fault] = "device"
 
 
 class CommandError(MedusaError):
-    """You asked for something that cannot be done; nothing moved. `status` is the device's answer, if it was asked."""
+    """You asked for something that cannot be done; nothing moved. `status` is the device's answer, if any."""
 
     fault: ClassVar[Fault] = "caller"
 
@@ -91,7 +91,7 @@ class CommandError(MedusaError):
 
 
 class DeviceFault(MedusaError):
-    """The machine stopped, or cannot be trusted any more; `axis` names the one concerned (None: the whole device)."""
+    """The machine stopped, or cannot be trusted any more; `axis` is the one concerned (None: all)."""
 
     fault: ClassVar[Fault] = "device"
 

@@ -77,7 +77,8 @@ def decode_hello(payload: bytes) -> Hello:
         raise ProtocolError(
             f"HELLO answered {len(payload)} bytes, at least {_HELLO.size} needed", frame=payload
         )
-    hello = Hello(*_HELLO.unpack_from(payload), part=payload[_HELLO.size :])
+    nonce, protocol, device_type, firmware, boot_count = _HELLO.unpack_from(payload)
+    hello = Hello(nonce, protocol, device_type, firmware, boot_count, payload[_HELLO.size :])
     if hello.protocol != PROTOCOL_VERSION:
         raise ProtocolError(
             f"the device speaks protocol {hello.protocol}, this host {PROTOCOL_VERSION}", frame=payload

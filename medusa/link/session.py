@@ -45,7 +45,7 @@ class Session:
         Without it a request acts, and waits while one that acts on the same axis (0FH: any) is unanswered.
         `moves`: can move something; withdrawn by a stop, never sent again by a reconnection.
         `stops`: STOP, MODE 0, EMERGENCY_STOP, CLEAR: withdraws every unanswered motion first.
-        `urgent`: needs no free place in the window (default: what stops, except CLEAR; pass False for MODE 0).
+        `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0).
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
@@ -66,7 +66,7 @@ class Session:
         raise NotImplementedError
 
     def on_lost(self, callback: Callable[[MedusaError], None]) -> Callable[[], None]:
-        """Call back with PortError or DeviceSilent when the device can no longer be heard; returns what ends it."""
+        """Call back with PortError or DeviceSilent when the device is heard no more; returns what ends it."""
         raise NotImplementedError
 
     async def ping(self) -> int:

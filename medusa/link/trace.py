@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 class Trace:
-    """A wire trace in a text file; a disk that refuses it ends the trace with one warning, never the machine."""
+    """A wire trace in a text file; a full disk ends the trace with one warning, never the machine."""
 
     def __init__(self, path: str | Path, *, names: Mapping[int, str] | None = None) -> None:
         raise NotImplementedError

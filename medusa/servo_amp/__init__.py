@@ -1,0 +1,5 @@
+"""The servo amplifiers: codec and driver."""
+
+from medusa.servo_amp.amplifier import Amplifier, AmplifierLine, AmplifierStatus
+
+__all__ = ["Amplifier", "AmplifierLine", "AmplifierStatus"]
