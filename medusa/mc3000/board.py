@@ -1,0 +1,287 @@
+"""The three-axis board: every operation of its page, in counts and samples."""
+
+import asyncio
+from collections.abc import Callable
+
+from medusa.errors import CommandError, ProtocolError
+from medusa.link import Event, Hello, Session
+from medusa.mc3000 import messages
+from medusa.mc3000.clock import BoardClock
+from medusa.mc3000.messages import BoardEvent, Latched, Operation, Settings, Snapshot
+from medusa.mc3000.profile import Profile
+from medusa.mc3000.registers import (
+    MOVING,
+    POSITION_MAX,
+    POSITION_MIN,
+    Filter,
+    Inputs,
+    LatchSource,
+    Mode,
+    Register,
+    WatchdogAction,
+    decode_position24,
+    encode_position24,
+)
+
+WHOLE_BOARD = 0x0F
+MAX_REGISTERS = 8
+
+FRAME_OVERHEAD = 8
+"""Bytes around a payload on the wire: four of the message, two of the CRC, COBS code and delimiter."""
+BITS_PER_BYTE = 10
+
+
+class Board:
+    """One MC3000 behind a session; a refusal is a CommandError with the board's status: nothing moved."""
+
+    def __init__(self, session: Session, *, baud: int = 115200) -> None:
+        self.session = session
+        self.clock = BoardClock()
+        self.heard = float("-inf")
+        self._seconds_per_byte = BITS_PER_BYTE / baud
+
+    @property
+    def address(self) -> int:
+        """Address on the line."""
+        return self.session.address
+
+    @property
+    def clock_hz(self) -> int:
+        """Clock of the chips as the HELLO told it; ProtocolError before the first HELLO."""
+        return messages.decode_board_part(self._hello().part)[1]
+
+    @property
+    def boot_count(self) -> int:
+        """Boot count of the last HELLO; ProtocolError before it."""
+        return self._hello().boot_count
+
+    def _hello(self) -> Hello:
+        if self.session.hello is None:
+            raise ProtocolError(f"board {self.address:02X}H has not answered a HELLO yet")
+        return self.session.hello
+
+    async def open(self) -> Hello:
+        """Greet the board, after which it stands with its watchdog off, and let every event through."""
+        hello = await self.session.open()
+        if hello.device_type != messages.DEVICE_TYPE:
+            raise ProtocolError(
+                f"device {self.address:02X}H is of type {hello.device_type},"
+                f" not an MC3000 ({messages.DEVICE_TYPE})"
+            )
+        axes, _ = messages.decode_board_part(hello.part)
+        if axes != messages.AXES:
+            raise ProtocolError(f"board {self.address:02X}H has {axes} axes, {messages.AXES} expected")
+        self.clock.reset()
+        self._note_heard()
+        await self.session.event_mask(messages.EVENT_MASK_ALL)
+        return hello
+
+    def _note_heard(self) -> None:
+        self.heard = asyncio.get_running_loop().time()
+
+    async def _request(
+        self,
+        operation: Operation,
+        axis: int = WHOLE_BOARD,
+        payload: bytes = b"",
+        *,
+        reads: bool = False,
+        moves: bool = False,
+        stops: bool = False,
+    ) -> bytes:
+        reply = await self.session.request(operation, axis, payload, reads=reads, moves=moves, stops=stops)
+        self._note_heard()
+        return reply
+
+    async def _ask(self, operation: Operation, axis: int = WHOLE_BOARD) -> dict[str, int]:
+        return messages.decode_reply(operation, await self._request(operation, axis, reads=True))
+
+    async def ping(self) -> int:
+        """Feed the watchdog and hear that the board lives; its time, µs since power-up."""
+        time_us = await self.session.ping()
+        self._note_heard()
+        return time_us
+
+    async def watchdog(self, timeout_ms: int, action: WatchdogAction = WatchdogAction.IDLE) -> None:
+        """Set the watchdog; 0 ms switches it off and sets open-loop motor commands to zero."""
+        await self.session.watchdog(timeout_ms, action)
+        self._note_heard()
+
+    async def clear(self, axis: int = WHOLE_BOARD) -> None:
+        """Release what is latched and whose cause is gone; what remains is to be read back."""
+        await self.session.clear(axis)
+
+    async def read(self, axis: int, register: int, count: int = 1) -> bytes:
+        """`count` (1–8) registers from `register` on; a READ that covers 14H latches the position first."""
+        if not 1 <= count <= MAX_REGISTERS:
+            raise CommandError(f"READ takes 1 to {MAX_REGISTERS} registers, not {count}")
+        reply = await self._request(Operation.READ, axis, messages.encode_read(register, count), reads=True)
+        if len(reply) != count:
+            raise ProtocolError(f"READ of {count} registers answered {len(reply)} bytes", frame=reply)
+        return reply
+
+    async def write(self, axis: int, register: int, values: bytes) -> None:
+        """Write 1–8 bytes into ascending registers; the board holds them to the named operations' rules."""
+        if not 1 <= len(values) <= MAX_REGISTERS:
+            raise CommandError(f"WRITE takes 1 to {MAX_REGISTERS} bytes, not {len(values)}")
+        touched = range(register, register + len(values))
+        idle = register == Register.PROGRAM_COUNTER and values in (b"\x00", b"\x01")
+        await self._request(
+            Operation.WRITE,
+            axis,
+            messages.encode_write(register, values),
+            moves=not idle and any(address in MOVING for address in touched),
+            stops=idle,
+        )
+
+    async def read_position24(self, axis: int, register: Register) -> int:
+        """The 24-bit position in three registers, in the order in which this triple is stored."""
+        data = await self.read(axis, register, 3)
+        return decode_position24(data, lsb_first=register == Register.FINAL_POSITION_LSB)
+
+    async def write_position24(self, axis: int, register: Register, counts: int) -> None:
+        """Write a 24-bit position into three registers, in the order in which this triple is stored."""
+        data = encode_position24(counts, lsb_first=register == Register.FINAL_POSITION_LSB)
+        await self.write(axis, register, data)
+
+    async def position(self, axis: int) -> int:
+        """Actual position, counts."""
+        return (await self._ask(Operation.POSITION, axis))["actual"]
+
+    async def command(self, axis: int, position: int) -> None:
+        """Step the command position (counts, 24 bits); position mode only."""
+        check_position(position)
+        await self._request(
+            Operation.COMMAND,
+            axis,
+            _payload(Operation.COMMAND, position=position),
+            moves=True,
+        )
+
+    async def snapshot(self) -> Snapshot:
+        """All axes at one instant."""
+        return (await self.timed_snapshot())[0]
+
+    async def timed_snapshot(self) -> tuple[Snapshot, float]:
+        """All axes at one instant, and that instant on the loop's clock, s."""
+        reply = await self._request(Operation.SNAPSHOT, reads=True)
+        snapshot = messages.decode_snapshot(reply)
+        wire = (len(reply) + FRAME_OVERHEAD) * self._seconds_per_byte
+        return snapshot, self.clock.update(snapshot.time_us, self.heard, wire)
+
+    async def filter(self, axis: int, filter_: Filter) -> None:
+        """Write the filter's four bytes."""
+        payload = _payload(Operation.FILTER, A=filter_.A, B=filter_.B, K=filter_.K, T=filter_.T)
+        await self._request(Operation.FILTER, axis, payload)
+
+    async def read_filter(self, axis: int) -> Filter:
+        """The filter's four bytes as the chip holds them."""
+        a, b, k = await self.read(axis, Register.FILTER_ZERO, 3)
+        (t,) = await self.read(axis, Register.SAMPLE_TIMER)
+        return Filter(a, b, k, t)
+
+    async def mode(self, axis: int, mode: Mode) -> None:
+        """Enter a control mode, or go idle (which withdraws unanswered motion first)."""
+        payload = _payload(Operation.MODE, mode=mode)
+        idle = mode is Mode.IDLE
+        await self._request(Operation.MODE, axis, payload, moves=not idle, stops=idle)
+
+    async def velocity(self, axis: int, velocity: int) -> None:
+        """Command velocity: 1/16 count/sample in mode 2, counts/sample in mode 3."""
+        payload = _payload(Operation.VELOCITY, velocity=velocity)
+        await self._request(Operation.VELOCITY, axis, payload, moves=True)
+
+    async def profile(self, axis: int, profile: Profile) -> None:
+        """Acceleration and maximum velocity of profiles and of the integral velocity mode."""
+        payload = _payload(
+            Operation.PROFILE, acceleration_256=profile.acceleration_256, maximum=profile.maximum
+        )
+        await self._request(Operation.PROFILE, axis, payload)
+
+    async def read_profile(self, axis: int) -> Profile:
+        """Acceleration and maximum velocity as the chip holds them."""
+        low, high, maximum = await self.read(axis, Register.ACCELERATION_LSB, 3)
+        return Profile(low | high << 8, maximum)
+
+    async def move(self, axis: int, final: int, *, start: bool = True) -> None:
+        """Run a trapezoid to `final` (counts), or arm it for START."""
+        check_position(final)
+        payload = _payload(Operation.MOVE, final=final, start=int(start))
+        await self._request(Operation.MOVE, axis, payload, moves=True)
+
+    async def start(self, mask: int) -> None:
+        """Begin all armed moves of the axis mask in the same sample."""
+        payload = _payload(Operation.START, mask=mask)
+        await self._request(Operation.START, payload=payload, moves=True)
+
+    async def preset(self, axis: int, actual: int) -> None:
+        """Set the actual position (counts); idle only, and it clears the mark in 18H–1BH."""
+        check_position(actual)
+        await self._request(Operation.PRESET, axis, _payload(Operation.PRESET, actual=actual))
+
+    async def inputs(self, axis: int) -> Inputs:
+        """The axis' inputs and latches."""
+        return Inputs((await self._ask(Operation.INPUTS, axis))["inputs"])
+
+    async def latch(self, axis: int, source: LatchSource) -> None:
+        """Arm the one-shot position latch for an edge, or disarm it."""
+        await self._request(Operation.LATCH, axis, _payload(Operation.LATCH, source=source))
+
+    async def latched(self, axis: int) -> Latched:
+        """What the latch caught."""
+        fields = await self._ask(Operation.LATCHED, axis)
+        return Latched(
+            LatchSource(fields["source"]), bool(fields["caught"]), fields["position"], fields["time_us"]
+        )
+
+    async def limit_enable(self, axis: int, enable: bool) -> None:
+        """Let the limit switches drive the chip's LIMIT input, or not (idle only)."""
+        payload = _payload(Operation.LIMIT_ENABLE, enable=int(enable))
+        await self._request(Operation.LIMIT_ENABLE, axis, payload)
+
+    async def following(self, axis: int, limit: int) -> None:
+        """Following-error limit, counts; 0 switches the supervision off."""
+        await self._request(Operation.FOLLOWING, axis, _payload(Operation.FOLLOWING, limit=limit))
+
+    async def stop(self, axis: int = WHOLE_BOARD) -> None:
+        """Stop one axis or all by their ramps; never refused. Confirm it by reading back."""
+        await self._request(Operation.STOP, axis, stops=True)
+
+    async def settings(self, axis: int) -> Settings:
+        """Mode, following limit, limit enable and armed move as the board holds them."""
+        fields = await self._ask(Operation.SETTINGS, axis)
+        return Settings(
+            Mode(fields["mode"]),
+            fields["following_limit"],
+            bool(fields["limit_enable"]),
+            bool(fields["armed"]),
+        )
+
+    async def read_mark(self, axis: int) -> bytes:
+        """The four bytes of 18H–1BH, zero unless a host wrote them since the count was last void."""
+        return await self.read(axis, Register.MARK, 4)
+
+    async def write_mark(self, axis: int, mark: bytes) -> None:
+        """Write the four bytes of 18H–1BH."""
+        await self.write(axis, Register.MARK, mark)
+
+    def subscribe(self, callback: Callable[[BoardEvent], None]) -> Callable[[], None]:
+        """Call back with each typed event; returns what ends the subscription."""
+
+        def typed(event: Event) -> None:
+            callback(messages.decode_event(event.operation, event.axis, event.payload))
+
+        return self.session.subscribe(typed)
+
+
+def _payload(operation: Operation, **fields: int) -> bytes:
+    try:
+        return messages.encode_request(operation, **fields)
+    except ValueError as error:
+        raise CommandError(str(error), operation=operation) from None
+
+
+def check_position(counts: int) -> None:
+    """Raise CommandError when a position does not fit the chip's 24 bits."""
+    if not POSITION_MIN <= counts <= POSITION_MAX:
+        raise CommandError(f"position {counts} counts is outside {POSITION_MIN}..{POSITION_MAX}")
