@@ -1,8 +1,10 @@
 """A wire that misbehaves by a seeded plan: it loses, spoils and delays frames, but keeps their order."""
 
 import random
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 
 class Direction(IntEnum):
@@ -12,8 +14,7 @@ class Direction(IntEnum):
     TO_HOST = 1
 
 
-@dataclass(frozen=True, kw_only=True)
-class FaultPlan:
+class FaultPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Probabilities per frame (or per piece, where bytes come in pieces), for one line.
 
     `drop` loses the frame, `flip` turns one to three of its bits, `insert` puts a byte into it, `double`
@@ -23,7 +24,7 @@ class FaultPlan:
     direction `to_device`, `to_host` or `both`.
     """
 
-    seed: int = 0
+    seed: int | None = None
     drop: float = 0.0
     flip: float = 0.0
     insert: float = 0.0
@@ -41,12 +42,12 @@ class FaultPlan:
     direction: str = "both"
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in _PROBABILITIES and not 0 <= value <= 1:
-                raise ValueError(f"{field.name} is {value}, must be a probability from 0 to 1")
-            if field.name.endswith("_s") and not value >= 0:
-                raise ValueError(f"{field.name} is {value}, must be 0 s or more")
+        for name in self.__struct_fields__:
+            value = getattr(self, name)
+            if name in _PROBABILITIES and not 0 <= value <= 1:
+                raise ValueError(f"{name} is {value}, must be a probability from 0 to 1")
+            if name.endswith("_s") and not value >= 0:
+                raise ValueError(f"{name} is {value}, must be 0 s or more")
         if self.direction not in _DIRECTIONS:
             raise ValueError(f"direction is {self.direction!r}, must be one of {', '.join(_DIRECTIONS)}")
 
@@ -72,10 +73,10 @@ class Carried:
 class FaultyWire:
     """Applies a plan to one direction of a line, frame after frame, from its own random numbers."""
 
-    def __init__(self, plan: FaultPlan, direction: Direction) -> None:
+    def __init__(self, plan: FaultPlan, line: str, direction: Direction) -> None:
         self._plan = plan
         self._acts = direction in _DIRECTIONS[plan.direction]
-        self._random = random.Random(f"wire {plan.seed} {direction.name}")
+        self._random = random.Random(f"wire {plan.seed} {line} {direction.name}")
 
     def carry(self, data: bytes, since_start: float) -> Carried:
         """Return what becomes of a frame that starts `since_start` seconds after the line came up."""

@@ -66,7 +66,7 @@ class Line:
         """Called after devices took bytes: what they share with other lines may have changed."""
         self._link = link
         self._framed = any(isinstance(device, LinkDevice) for device in devices)
-        wires = [FaultyWire(faults, direction) if faults else None for direction in Direction]
+        wires = [FaultyWire(faults, name, direction) if faults else None for direction in Direction]
         self._inbound, self._outbound = (Wire(BITS_PER_BYTE / baud, wire) for wire in wires)
         self._port: PtyPort | None = None
         self._reading = False
