@@ -1,31 +1,113 @@
 """A conversation with one device on a line."""
 
-from collections.abc import AsyncIterator, Callable
-from typing import TYPE_CHECKING
+import asyncio
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, TypeVar
 
-from medusa.errors import MedusaError
-from medusa.link.messages import WHOLE_DEVICE, Event, Hello, Statistics
+from medusa.errors import CommandError, DeviceRestarted, MedusaError, PortError
+from medusa.link.exchange import NEVER, Exchange, State
+from medusa.link.frame import Message
+from medusa.link.messages import (
+    CLEAR,
+    EMERGENCY_STOP,
+    EVENT_MASK,
+    HELLO,
+    OPERATION_NAMES,
+    PING,
+    STATISTICS,
+    WATCHDOG,
+    WHOLE_DEVICE,
+    Event,
+    Hello,
+    Statistics,
+    decode_hello,
+    decode_ping,
+    decode_statistics,
+    encode_event_mask,
+    encode_hello,
+    encode_watchdog,
+)
+from medusa.link.owner import Counters
+from medusa.link.request import Request
+from medusa.link.stream import EventStream
 
 if TYPE_CHECKING:
     from medusa.link.line import Line
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 class Session:
     """One device's requests, replies and events.
 
-    After the port vanished or the device fell silent, the line reopens and greets on its own; from then on
-    everything but motion is accepted, and requests with `moves=True` are refused (CommandError) until the
+    After the port vanished, the device fell silent or restarted, the line reopens and greets on its own. From
+    then on everything but motion is accepted; requests with `moves=True` are refused (CommandError) until the
     driver calls `open()` again: it has to restore watchdog, event mask and settings first.
     """
 
-    address: int
-    hello: Hello | None
-    line: "Line"
-    generation: int
+    def __init__(self, line: "Line", address: int) -> None:
+        self.line = line
+        self.address = address
+        self.hello: Hello | None = None
+        self.generation = 0
+        self.may_move = False
+        self.wanted = False
+        self._exchange = Exchange(address, self)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_due = NEVER
+        self._names = dict(OPERATION_NAMES)
+        self._subscribers: list[Callable[[Event], None]] = []
+        self._restart_watchers: list[Callable[[MedusaError], None]] = []
+        self._loss_watchers: list[Callable[[MedusaError], None]] = []
+        self._streams: list[EventStream] = []
+
+    @property
+    def counters(self) -> Counters:
+        """What the host saw of this device: repeats, late replies, events."""
+        return self._exchange.counters
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a HELLO was answered since the device was last lost."""
+        return self._exchange.state is State.OPEN
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the device answered nothing for a second and no HELLO since."""
+        return self._exchange.state is State.SILENT
 
     async def open(self) -> Hello:
-        """Open a new session with HELLO, after which the machine stands, mask and watchdog are off."""
-        raise NotImplementedError
+        """Open a new session with HELLO, after which the machine stands, mask and watchdog are off.
+
+        Raises NoReply, PortError or ProtocolError (another protocol).
+        """
+        self.wanted = True
+        self.may_move = False
+        hello = await self.greet()
+        self.may_move = True
+        return hello
+
+    async def greet(self) -> Hello:
+        """Send HELLO without allowing motion: what the line does on its own after a loss."""
+        nonce = self.line.nonce()
+        hello = decode_hello(await self.request(HELLO, payload=encode_hello(nonce)))
+        before, self.hello = self.hello, hello
+        self.generation += 1
+        log.info("device %02XH: session %d, boot count %d", self.address, self.generation, hello.boot_count)
+        if before is not None and before.boot_count != hello.boot_count:
+            text = (
+                f"device {self.address:02X}H has restarted (boot count {before.boot_count}, now "
+                f"{hello.boot_count}): homing, pose and mode are void"
+            )
+            _tell(
+                self._restart_watchers, DeviceRestarted(text, before=before.boot_count, now=hello.boot_count)
+            )
+        return hello
 
     async def request(
         self,
@@ -45,50 +127,192 @@ class Session:
         Without it a request acts, and waits while one that acts on the same axis (0FH: any) is unanswered.
         `moves`: can move something; withdrawn by a stop, never sent again by a reconnection.
         `stops`: STOP, MODE 0, EMERGENCY_STOP, CLEAR: withdraws every unanswered motion first.
-        `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0).
+        `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0). Who is
+        cancelled while waiting for it no longer hears of it, but it is carried through.
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
         DeviceRestarted (answered "no HELLO since power-up"). Cancelling is safe.
         """
-        raise NotImplementedError
+        line = self.line
+        if not line.is_open:
+            raise PortError(line.path, line.closed_because)
+        if moves and not self.may_move:
+            raise CommandError(
+                f"device {self.address:02X}H, {self.name(operation)}: the session was lost or never opened; no "
+                "motion before open()",
+                operation=operation,
+                axis=axis,
+            )
+        loop = self._loop
+        if loop is None:
+            loop = self._loop = asyncio.get_running_loop()
+        future: asyncio.Future[bytes] = loop.create_future()
+        request = Request(
+            operation,
+            axis,
+            payload,
+            line.reply_timeout if deadline is None else deadline,
+            reads=reads,
+            moves=moves,
+            stops=stops,
+            urgent=urgent,
+            future=future,
+        )
+        self._exchange.submit(request, loop.time())
+        self._arm()
+        try:
+            return await future
+        except asyncio.CancelledError:
+            self._exchange.cancel(request, loop.time())
+            self._arm()
+            raise
 
-    def events(self) -> AsyncIterator[Event]:
+    def events(self) -> "EventStream":
         """Return a stream of the device's events, each once, from now on."""
-        raise NotImplementedError
+        stream = EventStream()
+        leave = self.subscribe(stream.put)
+        self._streams.append(stream)
+
+        def ended() -> None:
+            leave()
+            self._streams.remove(stream)
+
+        stream.ended = ended
+        return stream
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
         """Call back for each event; returns what ends the subscription."""
-        raise NotImplementedError
+        return _enlist(self._subscribers, callback)
 
     def on_restart(self, callback: Callable[[MedusaError], None]) -> Callable[[], None]:
         """Call back with DeviceRestarted when a HELLO shows another boot count; returns what ends it."""
-        raise NotImplementedError
+        return _enlist(self._restart_watchers, callback)
 
     def on_lost(self, callback: Callable[[MedusaError], None]) -> Callable[[], None]:
-        """Call back with PortError or DeviceSilent when the device is heard no more; returns what ends it."""
-        raise NotImplementedError
+        """Call back with PortError, DeviceSilent or DeviceRestarted when the session is lost."""
+        return _enlist(self._loss_watchers, callback)
 
     async def ping(self) -> int:
         """Return the device's time, µs since its power-up."""
-        raise NotImplementedError
+        return decode_ping(await self.request(PING, reads=True))
 
     async def statistics(self) -> Statistics:
         """Return the device's own counters."""
-        raise NotImplementedError
+        return decode_statistics(await self.request(STATISTICS, reads=True))
 
     async def watchdog(self, timeout_ms: int, action: int = 0) -> None:
         """Set the device's watchdog; 0 ms switches it off."""
-        raise NotImplementedError
+        await self.request(WATCHDOG, payload=encode_watchdog(timeout_ms, action))
 
     async def emergency_stop(self) -> None:
         """Stop this device at once and latch it."""
-        raise NotImplementedError
+        await self.request(EMERGENCY_STOP, stops=True)
 
     async def clear(self, axis: int = WHOLE_DEVICE) -> None:
         """Release what is latched and whose cause is gone."""
-        raise NotImplementedError
+        await self.request(CLEAR, axis, stops=True)
 
     async def event_mask(self, mask: int) -> None:
         """Let the events of the mask through (bit n: event 40H + n)."""
-        raise NotImplementedError
+        await self.request(EVENT_MASK, payload=encode_event_mask(mask))
+
+    def name_operations(self, names: Mapping[int, str]) -> None:
+        """Name the device's own operations for messages and traces."""
+        self._names.update(names)
+
+    def name(self, operation: int) -> str:
+        """Return the operation's name for messages."""
+        return self._names.get(operation) or f"operation {operation:02X}H"
+
+    def receive(self, message: Message) -> None:
+        """Take in a message that the line received from this device."""
+        self._exchange.receive(message, self._time())
+        self._arm()
+
+    def withdraw_motion(self) -> None:
+        """Withdraw every unanswered motion: a broadcast stop goes out."""
+        self._exchange.withdraw(self._time())
+
+    def lose(self, reason: str, *, expected: bool = False) -> None:
+        """End everything under way with PortError; `expected` when we close the port ourselves."""
+        self.may_move = False
+        self._exchange.lose(self.line.path, reason, self._time())
+        if expected:
+            self._disarm()
+            for stream in list(self._streams):
+                stream.close()
+        else:
+            _tell(self._loss_watchers, PortError(self.line.path, reason))
+
+    def send(self, frame: bytes) -> None:
+        """Write a frame behind those written before."""
+        self.line.write(frame)
+
+    def unsend(self, frame: bytes) -> bool:
+        """Take back a frame of which no byte has left the host yet."""
+        return self.line.unsend(frame)
+
+    def finish(self, request: Request, result: bytes | MedusaError) -> None:
+        """Hand the reply's payload, or the error, to the one who asked."""
+        future = request.future
+        if future is None or future.done():
+            return
+        if isinstance(result, bytes):
+            future.set_result(result)
+        else:
+            future.set_exception(result)
+
+    def deliver(self, event: Event) -> None:
+        """Hand an event on."""
+        _tell(self._subscribers, event)
+
+    def lost(self, error: MedusaError) -> None:
+        """The device cannot be heard any more, or has restarted: greet it until it answers."""
+        log.warning("%s", error)
+        self.may_move = False
+        _tell(self._loss_watchers, error)
+        self.line.recover()
+
+    def _time(self) -> float:
+        if self._loop is None:
+            self._loop = asyncio.get_running_loop()
+        return self._loop.time()
+
+    def _arm(self) -> None:
+        """Keep one timer for all deadlines; one that is early enough stays, and looks again when it fires."""
+        due = self._exchange.due
+        if due < self._timer_due and self._loop is not None:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer_due = due
+            self._timer = self._loop.call_at(due, self._expire)
+
+    def _disarm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer, self._timer_due = None, NEVER
+
+    def _expire(self) -> None:
+        self._timer, self._timer_due = None, NEVER
+        self._exchange.expire(self._time())
+        self._arm()
+
+
+def _tell(callbacks: Sequence[Callable[[T], None]], what: T) -> None:
+    """Call everybody back; one that fails is logged and does not keep the others from hearing."""
+    for callback in list(callbacks):
+        try:
+            callback(what)
+        except Exception:
+            log.exception("a callback failed on %s", what)
+
+
+def _enlist(callbacks: list[Callable[[T], None]], callback: Callable[[T], None]) -> Callable[[], None]:
+    callbacks.append(callback)
+
+    def leave() -> None:
+        with suppress(ValueError):
+            callbacks.remove(callback)
+
+    return leave

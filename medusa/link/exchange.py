@@ -1,0 +1,340 @@
+"""The host's half of the serial link with one device, as a state machine without input, output or clock.
+
+Theory of operation. A request waits, is live from its first sending to its end, and leaves a ghost behind
+when it ends unanswered: its place in the window until its deadline, its number out of use for longer.
+
+| state    | goes out                 | left by                                                          |
+|----------|--------------------------|------------------------------------------------------------------|
+| CLOSED   | HELLO, EMERGENCY_STOP    | HELLO sent → GREETING; a second unheard → SILENT                 |
+| GREETING | nothing                  | answered → OPEN; given up, or a stop → CLOSED (SILENT if it was) |
+| OPEN     | everything               | HELLO sent → GREETING; status 10, port lost → CLOSED; → SILENT   |
+| SILENT   | HELLO, EMERGENCY_STOP    | HELLO sent → GREETING; port lost → CLOSED                        |
+"""
+
+from collections import deque
+from enum import Enum, auto
+from typing import Final
+
+from medusa.errors import CommandError, DeviceSilent, MedusaError, NoReply, PortError, Withdrawn
+from medusa.link.events import Inbox, acknowledge
+from medusa.link.frame import EVENT, REPLY, REQUEST, Message, encode_frame
+from medusa.link.messages import EMERGENCY_STOP, HELLO
+from medusa.link.numbers import SequenceNumbers
+from medusa.link.owner import Counters, Owner
+from medusa.link.refusal import NO_HELLO, describe, refusal
+from medusa.link.request import Request
+
+WINDOW: Final = 4
+SENT_AFTER_REPEATABLE: Final = 7
+SILENCE_S: Final = 1.0
+NEVER: Final = float("inf")
+# Timers may come this much early; float sums of seconds are exact to far less.
+_EARLY: Final = 1e-6
+
+
+class State(Enum):
+    """Where the conversation stands."""
+
+    CLOSED = auto()
+    GREETING = auto()
+    OPEN = auto()
+    SILENT = auto()
+
+
+class Exchange:
+    """Requests, replies and events of one device; `due` is when `expire` wants to be called."""
+
+    def __init__(self, address: int, owner: Owner) -> None:
+        self.address = address
+        self.state = State.CLOSED
+        self.counters = Counters()
+        self.due = NEVER
+        self._owner = owner
+        self._before = State.CLOSED
+        self._waiting: deque[Request] = deque()
+        self._live: dict[int, Request] = {}
+        self._ghosts: list[Request] = []
+        self._numbers = SequenceNumbers()
+        self._inbox = Inbox()
+        self._sent = 0
+        self._unheard_since: float | None = None
+
+    def submit(self, request: Request, now: float) -> None:
+        """Take a request in: it is sent now, later, or finished with an error."""
+        self.counters.requests += 1
+        if self.state is not State.OPEN and not self._admits(request):
+            return
+        if request.stops:
+            self.withdraw(now, request)
+        elif self.state is State.OPEN and not (self._waiting or self._live or self._ghosts):
+            if not self._send(request, now):
+                self._waiting.append(request)
+            return
+        if request.urgent and self._may_interrupt(request, now):
+            self._send(request, now)
+        elif request.urgent:
+            self._waiting.appendleft(request)
+        else:
+            self._waiting.append(request)
+            self._pump(now)
+
+    def cancel(self, request: Request, now: float) -> None:
+        """Nobody waits for it any more: not repeated, its reply swallowed. A stop is carried through all the same."""
+        if request in self._waiting:
+            self._waiting.remove(request)
+        elif self._live.get(request.number) is request and not request.urgent:
+            self._leave_ghost(request, now)
+        self._pump(now)
+
+    def withdraw(self, now: float, stop: Request | None = None) -> None:
+        """Withdraw what a stop overrules; without `stop`, everything that gives way to a broadcast one."""
+        urgent = stop is None or stop.urgent
+        everywhere = urgent or (stop is not None and stop.operation == HELLO)
+        for request in [*self._live.values(), *self._waiting]:
+            overruled = request.moves or (urgent and request.gives_way)
+            if overruled and (stop is None or everywhere or stop.depends_on(request)):
+                self._withdraw(request, now)
+
+    def receive(self, message: Message, now: float) -> None:
+        """Take in a message that came from the device."""
+        if message.kind == REPLY:
+            request = self._live.get(message.sequence)
+            self._unheard_since = None
+            if request is None or not _answers(message, request):
+                self._late(message, now)
+            else:
+                del self._live[message.sequence]
+                self._numbers.answered(message.sequence, now, request.sendings - 1)
+                self._answered(message, request)
+            if self._live or self._ghosts:
+                self._heard_only_partly(now)
+            if self._waiting:
+                self._pump(now)
+        elif message.kind == EVENT:
+            self._event(message)
+        else:
+            self.counters.stray += 1
+
+    def expire(self, now: float) -> None:
+        """Do what is due: repeat, give up, notice silence."""
+        now += _EARLY
+        self.due = NEVER
+        if self._unheard_since is not None and now >= self._unheard_since + SILENCE_S:
+            self._fall_silent(now, "answered nothing for a second")
+        for request in list(self._live.values()):
+            if request.due <= now:
+                self._overdue(request, now)
+        self._ghosts = [ghost for ghost in self._ghosts if ghost.due > now]
+        self._pump(now)
+        for request in (*self._live.values(), *self._ghosts):
+            self.due = min(self.due, request.due)
+        if self._unheard_since is not None:
+            self.due = min(self.due, self._unheard_since + SILENCE_S)
+
+    def lose(self, path: str, reason: str, now: float) -> None:
+        """The port is gone: everything under way ends at once."""
+        for request in [*self._live.values(), *self._waiting]:
+            self._end(request, now, PortError(path, reason, may_have_acted=request.sendings > 0))
+        self._ghosts.clear()
+        self._unheard_since = None
+        self.state = State.CLOSED
+
+    def _admits(self, request: Request) -> bool:
+        if self.state is State.GREETING or request.operation in (HELLO, EMERGENCY_STOP):
+            return True
+        asked = describe(self.address, request, self._owner.name(request.operation))
+        if self.state is State.SILENT:
+            error: MedusaError = DeviceSilent(f"{asked}: the device is silent", may_have_acted=False)
+        else:
+            error = CommandError(
+                f"{asked}: no session is open", operation=request.operation, axis=request.axis
+            )
+        self._owner.finish(request, error)
+        return False
+
+    def _may_interrupt(self, request: Request, now: float) -> bool:
+        """An emergency stop ends a HELLO under way, another stop waits for it: HELLO stops the machine itself."""
+        if self.state is not State.GREETING:
+            return True
+        if request.operation != EMERGENCY_STOP:
+            return False
+        for hello in list(self._live.values()):
+            self._withdraw(hello, now)
+        return True
+
+    def _pump(self, now: float) -> None:
+        while self._waiting and self.state is not State.GREETING:
+            request = self._sendable()
+            if request is None or not self._send(request, now):
+                return
+            self._waiting.remove(request)
+
+    def _sendable(self) -> Request | None:
+        """Return the first waiting request that nothing holds back."""
+        live = self._live.values()
+        first = self._waiting[0]
+        if first.operation == HELLO:
+            return None if live or self._ghosts else first
+        if len(live) + len(self._ghosts) >= WINDOW:
+            return None
+        oldest = next((request for request in live if request.repeatable), None)
+        if oldest is not None and self._sent - oldest.order >= SENT_AFTER_REPEATABLE:
+            return None
+        earlier: list[Request] = []
+        for request in self._waiting:
+            if request.operation == HELLO:
+                return None
+            held = (
+                any(request.depends_on(other) for other in live)
+                or any(request.depends_on(other) or (request.moves and other.stops) for other in earlier)
+                or (request.stops and any(other.moves for other in live))
+            )
+            if not held:
+                return request
+            earlier.append(request)
+        return None
+
+    def _send(self, request: Request, now: float) -> bool:
+        if request.urgent:
+            number: int | None = self._numbers.take_anyway(now)
+        else:
+            number = self._numbers.take(now, kept=request.operation != HELLO)
+        if number is None:
+            self._starve(now)
+            return False
+        if request.urgent:
+            for other in self._live.values():
+                other.final |= self._sent - other.order >= SENT_AFTER_REPEATABLE
+        self._sent += 1
+        request.order = self._sent
+        request.number = number
+        request.sendings = 1
+        request.frame = encode_frame(
+            Message(self.address, REQUEST, number, request.operation, request.axis, request.payload)
+        )
+        self._live[number] = request
+        if request.operation == HELLO:
+            self._before = State.CLOSED if self.state is State.OPEN else self.state
+            self.state = State.GREETING
+        self._put_on_line(request, now)
+        return True
+
+    def _put_on_line(self, request: Request, now: float) -> None:
+        request.due = now + request.deadline
+        if request.due < self.due:
+            self.due = request.due
+        if self._unheard_since is None:
+            self._heard_only_partly(now)
+        self._owner.send(request.frame)
+
+    def _heard_only_partly(self, now: float) -> None:
+        self._unheard_since = now
+        self.due = min(self.due, now + SILENCE_S)
+
+    def _starve(self, now: float) -> None:
+        """Every number is out of use; only answers or time bring one back."""
+        release = self._numbers.next_release(now)
+        if release is not None:
+            self.due = min(self.due, release)
+        elif not self._live and not self._ghosts:
+            self._fall_silent(now, "left too many requests unanswered to tell its replies apart")
+
+    def _answered(self, message: Message, request: Request) -> None:
+        if request.operation == HELLO:
+            self.state = State.OPEN if message.axis == 0 else self._before
+            self._numbers.new_session()
+            self._inbox.new_session()
+        if message.axis == 0:
+            self._owner.finish(request, message.payload)
+            return
+        error = refusal(message, request, self._owner.name(request.operation))
+        self._owner.finish(request, error)
+        if message.axis == NO_HELLO and self.state is State.OPEN:
+            self.state = State.CLOSED
+            self._drop_waiting(f"device {self.address:02X}H has restarted")
+            self._owner.lost(error)
+
+    def _late(self, message: Message, now: float) -> None:
+        self.counters.late_replies += 1
+        if message.sequence not in self._live:
+            self._numbers.late(message.sequence, now)
+            self._ghosts = [ghost for ghost in self._ghosts if ghost.number != message.sequence]
+
+    def _event(self, message: Message) -> None:
+        if self.state is not State.OPEN:
+            self.counters.events_dropped += 1
+            return
+        self._owner.send(encode_frame(acknowledge(message)))
+        event = self._inbox.accept(message)
+        if event is None:
+            self.counters.events_repeated += 1
+        else:
+            self.counters.events += 1
+            self._owner.deliver(event)
+
+    def _overdue(self, request: Request, now: float) -> None:
+        stuck = self._owner.unsend(request.frame)
+        overruled = request.moves and any(other.stops for other in self._waiting)
+        if overruled:
+            self._withdraw(request, now)
+        elif request.repeatable and not stuck:
+            request.sendings += 1
+            self.counters.repeats += 1
+            self._put_on_line(request, now)
+        else:
+            gone = request.sendings > 1 or not stuck
+            reason = f"no answer to {request.sendings} sendings" if gone else "the port takes no bytes"
+            self._end(request, now, self._no_reply(NoReply, request, reason, gone))
+
+    def _withdraw(self, request: Request, now: float) -> None:
+        gone = request.sendings > 0
+        if gone and self._owner.unsend(request.frame):
+            gone = request.sendings > 1
+        if gone:
+            self._leave_ghost(request, now)
+        self._end(request, now, self._no_reply(Withdrawn, request, "withdrawn for a stop", gone))
+
+    def _leave_ghost(self, request: Request, now: float) -> None:
+        self._end(request, now, None)
+        self._ghosts.append(request)
+
+    def _fall_silent(self, now: float, reason: str) -> None:
+        """Nothing but HELLO and EMERGENCY_STOP from now on; what is under way of these goes on."""
+        self._unheard_since = None
+        for request in [*self._live.values(), *self._waiting]:
+            if request.operation not in (HELLO, EMERGENCY_STOP):
+                self._end(request, now, self._no_reply(DeviceSilent, request, reason, request.sendings > 0))
+        if self.state is State.GREETING:
+            self._before = State.SILENT
+        elif self.state is not State.SILENT:
+            self.state = State.SILENT
+            self._owner.lost(DeviceSilent(f"device {self.address:02X}H {reason}"))
+
+    def _drop_waiting(self, reason: str) -> None:
+        for request in [r for r in self._waiting if r.operation not in (HELLO, EMERGENCY_STOP)]:
+            self._waiting.remove(request)
+            self._owner.finish(request, self._no_reply(NoReply, request, reason, False))
+
+    def _no_reply(self, kind: type[NoReply], request: Request, reason: str, gone: bool) -> NoReply:
+        asked = describe(self.address, request, self._owner.name(request.operation))
+        return kind(f"{asked}: {reason}", frame=request.frame, may_have_acted=gone)
+
+    def _end(self, request: Request, now: float, error: MedusaError | None) -> None:
+        """Take a request out of the queue or the window, unanswered; without `error` nobody is told."""
+        if self._live.get(request.number) is request:
+            del self._live[request.number]
+            self._numbers.abandoned(request.number, now, request.sendings)
+            if request.operation == HELLO and self.state is State.GREETING:
+                self.state = self._before
+                self._drop_waiting("HELLO was not answered")
+        elif request in self._waiting:
+            self._waiting.remove(request)
+        if error is not None:
+            self._owner.finish(request, error)
+
+
+def _answers(message: Message, request: Request) -> bool:
+    """A HELLO takes only the reply with its own nonce (a refusal carries none)."""
+    if message.operation != request.operation:
+        return False
+    return request.operation != HELLO or message.axis != 0 or message.payload[:2] == request.payload

@@ -1,0 +1,43 @@
+"""Between an exchange, which decides, and the session, which carries out."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from medusa.errors import MedusaError
+from medusa.link.messages import Event
+from medusa.link.request import Request
+
+
+class Owner(Protocol):
+    """Who runs an exchange: it carries out what the exchange decides."""
+
+    def send(self, frame: bytes) -> None:
+        """Write a frame behind those written before."""
+
+    def unsend(self, frame: bytes) -> bool:
+        """Take back a frame of which no byte has left the host yet; False when it has gone."""
+
+    def finish(self, request: Request, result: bytes | MedusaError) -> None:
+        """Hand the reply's payload, or the error, to the one who asked."""
+
+    def deliver(self, event: Event) -> None:
+        """Hand an event on."""
+
+    def lost(self, error: MedusaError) -> None:
+        """The device cannot be heard any more, or has restarted."""
+
+    def name(self, operation: int) -> str:
+        """Return the operation's name for messages."""
+
+
+@dataclass
+class Counters:
+    """What the host saw of one device; `late_replies` were dropped, `stray` are messages no device may send."""
+
+    requests: int = 0
+    repeats: int = 0
+    late_replies: int = 0
+    stray: int = 0
+    events: int = 0
+    events_repeated: int = 0
+    events_dropped: int = 0

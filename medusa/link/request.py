@@ -1,0 +1,77 @@
+"""One request on its way through an exchange."""
+
+from asyncio import Future
+from typing import Final
+
+from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
+
+MAX_SENDINGS: Final = 3
+
+
+class Request:
+    """What is asked, how it depends on others, and how far it has come."""
+
+    __slots__ = (
+        "axis",
+        "deadline",
+        "due",
+        "final",
+        "frame",
+        "future",
+        "moves",
+        "number",
+        "operation",
+        "order",
+        "payload",
+        "reads",
+        "sendings",
+        "stops",
+        "urgent",
+    )
+
+    def __init__(
+        self,
+        operation: int,
+        axis: int,
+        payload: bytes,
+        deadline: float,
+        *,
+        reads: bool = False,
+        moves: bool = False,
+        stops: bool = False,
+        urgent: bool | None = None,
+        future: "Future[bytes] | None" = None,
+    ) -> None:
+        self.operation = operation
+        self.axis = axis
+        self.payload = payload
+        self.deadline = deadline
+        self.reads = reads or operation in (PING, STATISTICS)
+        self.moves = moves
+        self.stops = stops or operation in (HELLO, EMERGENCY_STOP, CLEAR)
+        if urgent is None:
+            urgent = self.stops and operation not in (HELLO, CLEAR)
+        self.urgent = urgent
+        self.future = future
+        self.frame = b""
+        self.number = -1
+        self.sendings = 0
+        self.order = 0
+        self.due = 0.0
+        self.final = False
+
+    def depends_on(self, earlier: "Request") -> bool:
+        """Return whether this one must act after the earlier one."""
+        if self.reads or earlier.reads:
+            return False
+        return self.axis == earlier.axis or self.axis == WHOLE_DEVICE or earlier.axis == WHOLE_DEVICE
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether a stop withdraws it: what can move anything, and CLEAR, which would undo the stop's latch."""
+        return self.moves or self.operation == CLEAR
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether the same frame may still be sent again."""
+        return self.sendings < MAX_SENDINGS and not self.final
