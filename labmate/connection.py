@@ -1,0 +1,177 @@
+"""The base's session kept fit for motion: limits, watchdog and events set, fed, and known to be set.
+
+Motion is possible only between a preparation (HELLO, LIMITS, WATCHDOG, EVENT_MASK) and the next loss of the
+line or of the base's memory; after one the program has to say `recover()` itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from labmate import messages as m
+from labmate.config import BaseConfig
+from labmate.messages import HelloPart
+from medusa.errors import DeviceFault, DeviceRestarted, MedusaError, NoReply, PortError
+from medusa.link import Event, Hello, Line, Session
+
+_LOG = logging.getLogger(__name__)
+
+_MC3000 = 1
+_RAMP = 0
+"""The base's only watchdog action: ramp to a stop."""
+_NEIGHBOURS = (0x01, 0x02, 0x11, 0x12)
+"""Where else something answers when somebody mistook the port or the address: boards of a head, further bases."""
+
+
+class Connection:
+    """One base on a line. `config` None: it can be read and stopped, not moved."""
+
+    def __init__(
+        self,
+        line: Line,
+        path: str,
+        config: BaseConfig | None,
+        address: int,
+        *,
+        on_event: Callable[[Event], None],
+        on_trouble: Callable[[MedusaError], None],
+    ) -> None:
+        self.path = path
+        self.config = config
+        self.line = line
+        self.session: Session = line.session(address)
+        self._on_event = on_event
+        self._on_trouble = on_trouble
+        self._unsubscribe: list[Callable[[], None]] = []
+        self._trouble: MedusaError | None = None
+        self._fed_at = 0.0
+        self._keeper: asyncio.Task[None] | None = None
+
+    async def open(self) -> HelloPart:
+        """Greet and prepare the base; raises PortError when something else answers, or nothing."""
+        hello = await self._greet()
+        self._unsubscribe = [
+            self.session.subscribe(self._on_event),
+            self.session.on_restart(self._note_trouble),
+            self.session.on_lost(self._note_trouble),
+        ]
+        await self._prepare()
+        if self.config is not None:
+            period = self.config.safety.watchdog_ms * 1e-3 / 3.0
+            self._keeper = asyncio.get_running_loop().create_task(self._keep_alive(period))
+        return HelloPart.decode(hello.part)
+
+    async def recover(self) -> HelloPart:
+        """Open a new session after a loss or restart; the base stands, and motion is possible again."""
+        hello = await self.session.open()
+        await self._prepare()
+        self._trouble = None
+        _LOG.info("%s: the base is ready again", self.path)
+        return HelloPart.decode(hello.part)
+
+    async def close(self, *, standing: bool) -> None:
+        """End the keeping; switch the watchdog off only when the base is known to stand."""
+        if self._keeper is not None:
+            self._keeper.cancel()
+        if standing and self._trouble is None and self.config is not None:
+            try:
+                await self.session.watchdog(0)
+            except MedusaError as error:
+                _LOG.warning("%s: the watchdog stays on: %s", self.path, error)
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+
+    def require_ready(self) -> None:
+        """Raise what made motion impossible since the last preparation."""
+        if isinstance(self._trouble, DeviceRestarted):
+            raise DeviceRestarted(
+                f"{self._trouble}; its pose is void: recover() before it moves",
+                before=self._trouble.before,
+                now=self._trouble.now,
+            ) from self._trouble
+        if self._trouble is not None:
+            raise DeviceFault(f"{self._trouble}; recover() before it moves") from self._trouble
+
+    async def request(
+        self,
+        operation: int,
+        payload: bytes = b"",
+        *,
+        reads: bool = False,
+        moves: bool = False,
+        stops: bool = False,
+    ) -> bytes:
+        """One request to the base as a whole; every answered one feeds the watchdog."""
+        asked_at = asyncio.get_running_loop().time()
+        try:
+            reply = await self.session.request(
+                operation, payload=payload, reads=reads, moves=moves, stops=stops
+            )
+        except DeviceRestarted as error:
+            if not isinstance(self._trouble, DeviceRestarted):
+                self._note_trouble(error)
+            raise
+        self._fed_at = max(self._fed_at, asked_at)
+        return reply
+
+    async def _greet(self) -> Hello:
+        address = self.session.address
+        try:
+            hello = await self.session.open()
+        except NoReply as error:
+            found = await self._neighbour()
+            advice = found or "is it the right port, is the base switched on?"
+            raise PortError(self.path, f"no base answers at address {address:02X}H; {advice}") from error
+        if hello.device_type != m.DEVICE_TYPE:
+            raise PortError(
+                self.path,
+                f"at address {address:02X}H answers {_kind(hello)}, not a Labmate base: wrong device",
+            )
+        return hello
+
+    async def _neighbour(self) -> str | None:
+        for address in _NEIGHBOURS:
+            if address == self.session.address:
+                continue
+            try:
+                hello = await self.line.session(address).open()
+            except NoReply:
+                continue
+            return f"at {address:02X}H answers {_kind(hello)}: wrong device or address?"
+        return None
+
+    async def _prepare(self) -> None:
+        if self.config is None:
+            return
+        await self.request(m.LIMITS, self.config.wire_limits.encode())
+        await self.session.event_mask(m.EVENT_MASK)
+        await self.session.watchdog(self.config.safety.watchdog_ms, _RAMP)
+        self._fed_at = asyncio.get_running_loop().time()
+
+    def _note_trouble(self, error: MedusaError) -> None:
+        if not isinstance(self._trouble, DeviceRestarted):
+            self._trouble = error
+        self._on_trouble(error)
+
+    async def _keep_alive(self, period: float) -> None:
+        """PING whenever nothing else has fed the watchdog for a third of its time."""
+        loop = asyncio.get_running_loop()
+        while True:
+            idle = loop.time() - self._fed_at
+            if idle < period:
+                await asyncio.sleep(period - idle)
+                continue
+            asked_at = loop.time()
+            try:
+                await self.session.ping()
+                self._fed_at = max(self._fed_at, asked_at)
+            except MedusaError as error:
+                _LOG.debug("%s: keep-alive: %s", self.path, error)
+                await asyncio.sleep(period)
+
+
+def _kind(hello: Hello) -> str:
+    names = {_MC3000: "an MC3000 servo board", m.DEVICE_TYPE: "a Labmate base"}
+    return names.get(hello.device_type, f"a device of unknown type {hello.device_type}")
