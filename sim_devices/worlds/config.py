@@ -1,0 +1,64 @@
+"""The `[world]` table: which room, how its target moves, and the head's cameras in it."""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+Part = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Triple = tuple[float, float, float]
+
+
+class PathConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One coordinate of the target: degrees, or metres for the distance."""
+
+    kind: Literal["still", "sine", "triangle", "ramp"] = "still"
+    mean: float = 0.0
+    amplitude: NotNegative = 0.0
+    frequency_hz: NotNegative = 0.1
+    speed: float = 5.0
+    stop: float | None = None
+
+
+class TargetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What is followed: a lamp, a textured patch or pictures on a screen; azimuth positive left."""
+
+    kind: Literal["lamp", "texture", "screen", "none"] = "lamp"
+    size_m: Positive = 0.12
+    azimuth_deg: PathConfig = PathConfig(kind="sine", amplitude=15.0, frequency_hz=0.1)
+    elevation_deg: PathConfig = PathConfig(kind="sine", amplitude=5.0, frequency_hz=0.07)
+    distance_m: PathConfig = PathConfig(mean=1.2)
+    pictures: str = ""
+    picture_rate_hz: Positive = 6.0
+    screen_deg: tuple[Positive, Positive] = (120.0, 90.0)
+
+
+class CamerasConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Both cameras and how they sit on the head: offset forward, left, up; mount roll, pitch, yaw."""
+
+    width: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 128
+    height: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 128
+    field_of_view_deg: Annotated[float, msgspec.Meta(gt=1.0, lt=150.0)] = 40.0
+    rate_hz: Positive = 6.0
+    exposure_ms: NotNegative = 0.0
+    blur_samples: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+    gain: NotNegative = 1.0
+    vignette: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.0
+    noise: NotNegative = 1.0
+    latency_ms: NotNegative = 0.0
+    drop: Part = 0.0
+    baseline_m: Annotated[float, msgspec.Meta(ge=0.060, le=0.200)] = 0.130
+    left_offset_m: Triple = (0.0, 0.0, 0.0)
+    right_offset_m: Triple = (0.0, 0.0, 0.0)
+    left_mount_deg: Triple = (0.0, 0.0, 0.0)
+    right_mount_deg: Triple = (0.0, 0.0, 0.0)
+
+
+class WorldConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The head's surroundings and its cameras."""
+
+    target: TargetConfig = TargetConfig()
+    cameras: CamerasConfig = CamerasConfig()
+    light: NotNegative = 1.0
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
