@@ -1,0 +1,92 @@
+"""Pictures that already exist, played at a given rate: folders and films, without a thread."""
+
+import asyncio
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+import cv2
+import numpy as np
+
+from perception.camera.errors import CameraLost, CameraNotFound
+from perception.camera.frame import Frame, Image
+from perception.camera.slot import SlotCamera
+from perception.camera.source import Source, pictures_in
+
+
+class RecordedCamera(SlotCamera):
+    """A folder of pictures or a film file, one picture each 1/``rate`` s of the loop's clock.
+
+    Deterministic in virtual time. At the end it starts again when ``repeat`` is set, else CameraLost.
+    """
+
+    def __init__(
+        self, source: Source, *, name: str = "", rate: float = 25.0, grey: bool = True, repeat: bool = False
+    ) -> None:
+        super().__init__(name or source.place, stall_after=max(2.0, 5.0 / rate))
+        if not rate > 0.0:
+            raise CameraNotFound(f"camera {self.name}: a rate of {rate} Hz is not possible")
+        self._source = source
+        self._period = 1.0 / rate
+        self._grey = grey
+        self._repeat = repeat
+        self._player: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Start to play; raises CameraNotFound when the first picture cannot be read."""
+        await super().open()
+        first = next(self._images(), None)
+        if first is None:
+            raise CameraNotFound(f"camera {self.name}: no picture can be read")
+        self._player = asyncio.create_task(self._play(), name=f"camera {self.name}")
+
+    async def close(self) -> None:
+        """Stop playing."""
+        if self._player is not None:
+            self._player.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._player
+            self._player = None
+
+    async def _play(self) -> None:
+        loop = asyncio.get_running_loop()
+        start, sequence = loop.time(), 0
+        while True:
+            for image in self._images():
+                stamp = start + sequence * self._period
+                await asyncio.sleep(stamp - loop.time())
+                self.put(Frame(image, stamp, self.name, sequence))
+                sequence += 1
+            if not self._repeat:
+                await asyncio.sleep(start + sequence * self._period - loop.time())
+                self.fail(CameraLost(f"camera {self.name} has come to its end after {sequence} pictures"))
+                return
+
+    def _images(self) -> Iterator[Image]:
+        if self._source.kind == "folder":
+            for path in pictures_in(self._source.place):
+                flag = cv2.IMREAD_GRAYSCALE if self._grey else cv2.IMREAD_COLOR
+                picture = cv2.imdecode(np.fromfile(path, np.uint8), flag)
+                if picture is None:
+                    raise CameraLost(f"camera {self.name}: {path} cannot be read as a picture")
+                yield np.asarray(picture, np.uint8)
+            return
+        film = cv2.VideoCapture(self._source.place)
+        try:
+            while True:
+                got, picture = film.read()
+                if not got:
+                    return
+                yield as_grey(picture) if self._grey else np.asarray(picture, np.uint8)
+        finally:
+            film.release()
+
+
+def as_grey(picture: Any) -> Image:
+    """A grey (height, width) image of what OpenCV delivered."""
+    image = np.asarray(picture, np.uint8)
+    if image.ndim == 3:
+        image = np.asarray(
+            image[:, :, 0] if image.shape[2] == 1 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8
+        )
+    return image
