@@ -1,118 +1,164 @@
-"""The four servo amplifiers on their line."""
+"""One servo amplifier: bridge, faults, measurements."""
 
-from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
+import asyncio
+import struct
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
 
-from medusa.link.trace import Trace
+from medusa.errors import CommandError, DeviceFault, ProtocolError
+from medusa.servo_amp.frame import NO_WRITE_ACCESS
+from medusa.servo_amp.registers import (
+    BRAKE,
+    BUS_VOLTAGE,
+    BUS_VOLTS_PER_UNIT,
+    CONTROL,
+    COUNTS_S_PER_UNIT,
+    CURRENT_DEMAND,
+    CURRENT_MEASURED,
+    GRANT_ACCESS,
+    INHIBIT,
+    NAME,
+    POSITION,
+    RESET_EVENTS,
+    STATUS,
+    VELOCITY,
+    WATCHDOG,
+    WRITE_ACCESS,
+    Register,
+    amperes_per_unit,
+)
+from medusa.servo_amp.status import AmplifierStatus, decode_status
 
+if TYPE_CHECKING:
+    from medusa.servo_amp.line import AmplifierLine
 
-@dataclass(frozen=True)
-class AmplifierStatus:
-    """What 02.00–02.04 say: whether the bridge is on, and the names of every flag that is set."""
-
-    enabled: bool
-    bridge: frozenset[str]
-    protection: frozenset[str]
-    system_protection: frozenset[str]
-    drive_1: frozenset[str]
-    drive_2: frozenset[str]
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Names of the faults that hold the bridge off until events are reset; "was reset" is none."""
-        raise NotImplementedError
-
-    @property
-    def was_reset(self) -> bool:
-        """True from power-up until `reset_events`."""
-        raise NotImplementedError
+_POLL_S: Final = 0.01
+_CONFIRM_S: Final = 0.5
 
 
 class Amplifier:
     """One amplifier; every method raises PortError, NoReply, ProtocolError or CommandError."""
 
-    address: int
-    line: "AmplifierLine"
+    def __init__(self, line: "AmplifierLine", address: int) -> None:
+        self.line = line
+        self.address = address
 
     async def enable(self) -> AmplifierStatus:
-        """Take write access, switch the bridge on and poll until it is; raises DeviceFault naming the faults."""
-        raise NotImplementedError
+        """Take write access, switch the bridge on and poll until it is.
+
+        Raises DeviceFault naming what holds the bridge off.
+        """
+        await self._write(WRITE_ACCESS, GRANT_ACCESS)
+        status = await self.status()
+        if status.faults:
+            raise DeviceFault(
+                f"amplifier {self.address:02X}H: not enabled, latched: {', '.join(status.faults)}",
+                axis=self.address,
+            )
+        await self._write(CONTROL, 0)
+        return await self._confirm(lambda now: now.enabled, "did not switch its bridge on")
 
     async def inhibit(self) -> AmplifierStatus:
         """Switch the bridge off and read back that it is."""
-        raise NotImplementedError
+        await self._write(CONTROL, await self.control() | INHIBIT)
+        return await self._confirm(lambda now: not now.enabled, "did not switch its bridge off")
 
     async def brake(self, on: bool) -> AmplifierStatus:
-        """Set or release the dynamic brake (the bridge is inhibited or enabled as before)."""
-        raise NotImplementedError
+        """Set or release the dynamic brake; the inhibit stays as it is."""
+        control = await self.control()
+        await self._write(CONTROL, control | BRAKE if on else control & ~BRAKE)
+        return await self._confirm(lambda now: now.braked == on or bool(control & INHIBIT), "did not brake")
 
     async def reset_events(self) -> AmplifierStatus:
-        """Release latched faults whose cause is gone; returns what remains."""
-        raise NotImplementedError
+        """Release latched faults whose cause is gone; return what remains.
+
+        A bridge that is off stays off, even when only the fault held it: `enable` switches it on.
+        """
+        control = await self.control()
+        if not (await self.status()).enabled:
+            control |= INHIBIT
+        await self._write(CONTROL, control | RESET_EVENTS)
+        await self._write(CONTROL, control & ~RESET_EVENTS)
+        return await self.status()
 
     async def status(self) -> AmplifierStatus:
-        raise NotImplementedError
+        """Return the five status words, read at once."""
+        return decode_status(await self.read(STATUS))
+
+    async def control(self) -> int:
+        """Return the control word 01.00."""
+        return int.from_bytes(await self.read(CONTROL), "little")
 
     async def current(self) -> float:
         """Return the measured current in A."""
-        raise NotImplementedError
+        return await self._current(CURRENT_MEASURED)
 
     async def current_demand(self) -> float:
         """Return the demanded current in A."""
-        raise NotImplementedError
+        return await self._current(CURRENT_DEMAND)
 
     async def velocity_counts_s(self) -> float:
         """Return the measured velocity in counts/s."""
-        raise NotImplementedError
+        (units,) = struct.unpack("<i", await self.read(VELOCITY))
+        return float(units * COUNTS_S_PER_UNIT)
 
     async def position_counts(self) -> int:
         """Return the position in counts since power-up (the board's PRESET does not change it)."""
-        raise NotImplementedError
+        return int.from_bytes(await self.read(POSITION), "little", signed=True)
 
     async def bus_voltage(self) -> float:
         """Return the bus voltage in V."""
-        raise NotImplementedError
+        return int.from_bytes(await self.read(BUS_VOLTAGE), "little") * BUS_VOLTS_PER_UNIT
 
     async def watchdog(self, timeout_ms: int) -> None:
-        """Inhibit the bridge, latched, when no command comes for that long; 0 is off."""
-        raise NotImplementedError
+        """Inhibit the bridge, latched, when no command comes for that long; 0 is off.
+
+        Raises CommandError outside 0–65535 ms.
+        """
+        if not 0 <= timeout_ms <= 0xFFFF:
+            raise CommandError(f"amplifier watchdog of {timeout_ms} ms, allowed 0–65535 ms")
+        await self._write(WATCHDOG, timeout_ms)
 
     async def name(self) -> str:
         """Return the drive's name and firmware."""
-        raise NotImplementedError
+        text = (await self.read(NAME)).replace(b"\0", b" ").decode("ascii", "replace")
+        return " ".join(text.split())
+
+    async def read(self, register: Register) -> bytes:
+        """Return a register's words, little-endian."""
+        return await self.line.read(self.address, register)
+
+    async def write(self, register: Register, data: bytes) -> None:
+        """Write a register; takes write access when the amplifier says that it is missing."""
+        try:
+            await self.line.write(self.address, register, data)
+        except CommandError as error:
+            if error.status != NO_WRITE_ACCESS:
+                raise
+            await self.line.write(self.address, WRITE_ACCESS, GRANT_ACCESS.to_bytes(2, "little"))
+            await self.line.write(self.address, register, data)
+
+    async def _write(self, register: Register, word: int) -> None:
+        await self.write(register, word.to_bytes(2, "little"))
+
+    async def _current(self, register: Register) -> float:
+        units = int.from_bytes(await self.read(register), "little", signed=True)
+        return units * amperes_per_unit(self.line.peak_current)
+
+    async def _confirm(self, reached: Callable[[AmplifierStatus], bool], failure: str) -> AmplifierStatus:
+        """Poll 02.00 until the bridge is as it was commanded; raises DeviceFault after half a second."""
+        loop = asyncio.get_running_loop()
+        end = loop.time() + _CONFIRM_S
+        while not reached(status := await self.status()):
+            if status.faults or loop.time() >= end:
+                why = ", ".join(status.faults or sorted(status.bridge | status.drive_1)) or "no flag set"
+                raise DeviceFault(f"amplifier {self.address:02X}H {failure}: {why}", axis=self.address)
+            await asyncio.sleep(_POLL_S)
+        return status
 
 
-class AmplifierLine:
-    """One command at a time on the whole line, whichever amplifier it is for."""
-
-    def __init__(
-        self,
-        path: str,
-        *,
-        baud: int = 115200,
-        trace: Trace | None = None,
-        name: str = "amps",
-        peak_current: float = 20.0,
-    ) -> None:
-        raise NotImplementedError
-
-    async def __aenter__(self) -> Self:
-        raise NotImplementedError
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
-        raise NotImplementedError
-
-    async def open(self) -> None:
-        """Open the port; raises PortError."""
-        raise NotImplementedError
-
-    async def close(self) -> None:
-        """Close the port; what is still unanswered raises PortError."""
-        raise NotImplementedError
-
-    def amplifier(self, address: int) -> Amplifier:
-        """Return the amplifier at this address (01H–3FH)."""
-        raise NotImplementedError
+def expect_words(data: bytes, register: Register, frame: bytes) -> bytes:
+    """Return the data of a read; raises ProtocolError when it is of another size than asked."""
+    if len(data) != 2 * register.words:
+        raise ProtocolError(f"{len(data) // 2} words answered, {register.words} asked", frame=frame)
+    return data
