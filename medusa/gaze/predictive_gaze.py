@@ -1,0 +1,157 @@
+"""A gaze controller that knows its own delay: the target is followed where it will be when the command acts.
+
+The retinal error alone is old by the time it is known, and it mixes the target's motion with the head's own.
+Here the joint angles at the exposure take the head's motion out: what is left is the target's bearing in the
+head frame, which three constant-velocity Kalman filters (azimuth, elevation, inverse distance) carry forward
+to the moment a command acts. The head follows that path in integral velocity mode, many commands a picture,
+each aiming at where the path will be at its end.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from medusa.gaze.command import Command, GazeLimits, Hold, Pursue, Saccade, Sighting, Velocity
+from medusa.gaze.coordination import Coordination, EyesFirst
+from medusa.gaze.prediction import ConstantVelocityFilter
+from medusa.kinematics import (
+    HeadGeometry,
+    Joints,
+    Vector,
+    bearing_of,
+    direction_of,
+    line_of_sight,
+    look_at,
+    triangulate,
+)
+
+# Nearer than this the eyes cannot converge: 45° each at a baseline of 0.2 m.
+_NEAREST = 0.12
+
+
+@dataclass(frozen=True)
+class PredictiveSettings:
+    """What the predictive gaze is tuned by.
+
+    command_period: time between commands [s]. acceleration: spectral density of the target's angular
+    acceleration [rad²/s³]. approach: the same for its inverse distance [1/(m² s³)]. servo_lag: how far an
+    axis stands behind its command, 1/K_v [s]. catch_up: a predicted error above it is jumped at [rad].
+    patience: how long an unseen target is followed blind [s]. distance: assumed while only one eye sees the
+    target and nothing is known of it [m].
+    """
+
+    command_period: float
+    acceleration: float = 0.4
+    approach: float = 0.05
+    servo_lag: float = 1 / 170
+    catch_up: float = 0.06
+    patience: float = 0.5
+    distance: float = 1.5
+    coordination: Coordination = field(default_factory=EyesFirst)
+
+
+class PredictiveGaze:
+    """Kalman prediction of the target's bearing, full inverse kinematics, catch-up saccades."""
+
+    def __init__(self, settings: PredictiveSettings, geometry: HeadGeometry, limits: GazeLimits) -> None:
+        self._settings, self._geometry, self._limits = settings, geometry, limits
+        self._azimuth = ConstantVelocityFilter(settings.acceleration)
+        self._elevation = ConstantVelocityFilter(settings.acceleration)
+        self._nearness = ConstantVelocityFilter(settings.approach)
+        self._landed = -math.inf
+
+    def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command:
+        """Decide at `now`, the axes' command angles being `joints`; a sighting is taken in when there is a new one."""
+        if sighting is not None and sighting.seen:
+            self._take_in(sighting)
+        seen = self._azimuth.stamp
+        if seen is None:
+            return Hold("no target has been seen")
+        if now - max(seen, self._landed) > self._settings.patience:
+            self.forget()
+            return Hold(f"the target has not been seen for {self._settings.patience:g} s")
+        period, lag = self._settings.command_period, self._settings.servo_lag
+        here, _ = self._limits.confine(self._wanted(now + lag, joints))
+        azimuth = self._azimuth.predict(now).value
+        if self._settings.coordination.wants_neck_saccade(joints.pan, azimuth):
+            return Saccade(self._landing(now, joints, azimuth), "neck to a comfortable position")
+        if max(abs(w - q) for w, q in zip(here[1:], joints[1:], strict=True)) > self._settings.catch_up:
+            return Saccade(self._landing(now, joints, None), "target ahead of the fovea")
+        wanted, limited = self._limits.confine(self._wanted(now + period + lag, joints))
+        rates = Joints(
+            *(
+                min(max((w - q) / period, -speed), speed)
+                for w, q, speed in zip(wanted, joints, self._limits.speed, strict=True)
+            )
+        )
+        return Pursue({name: Velocity(rate) for name, rate in rates.as_axes().items()}, limited)
+
+    def saccade_ended(self, now: float) -> None:
+        """The eyes have landed: nothing was seen on the way, so patience begins anew; the filters just go on."""
+        self._landed = now
+
+    def forget(self) -> None:
+        """Begin anew with the next sighting."""
+        self._landed = -math.inf
+        for each in (self._azimuth, self._elevation, self._nearness):
+            each.forget()
+
+    def _take_in(self, sighting: Sighting) -> None:
+        if self._azimuth.stamp is not None and sighting.stamp < self._azimuth.stamp:
+            return  # a picture that was overtaken by a later one
+        point, spread = self._place(sighting)
+        azimuth, elevation = bearing_of(point)
+        self._azimuth.update(sighting.stamp, azimuth, sighting.sigma)
+        self._elevation.update(sighting.stamp, elevation, sighting.sigma)
+        if sighting.left is not None and sighting.right is not None:
+            self._nearness.update(sighting.stamp, 1 / float(np.linalg.norm(point)), spread)
+
+    def _place(self, sighting: Sighting) -> tuple[Vector, float]:
+        """The target (3,) [m] in the head frame, and the standard deviation of its inverse distance [1/m]."""
+        spread = sighting.sigma * 2**0.5 / self._geometry.baseline
+        farthest = 50.0
+        if sighting.left is not None and sighting.right is not None:
+            point = triangulate(self._geometry, sighting.joints, sighting.left, sighting.right)
+            if point is not None and float(np.linalg.norm(point)) < farthest:
+                return point, spread
+            lines = [
+                line_of_sight(self._geometry, sighting.joints, "left", sighting.left)[1],
+                line_of_sight(self._geometry, sighting.joints, "right", sighting.right)[1],
+            ]
+            mean = lines[0] + lines[1]
+            return farthest * mean / float(np.linalg.norm(mean)), spread
+        distance = self._distance(sighting.stamp)
+        if sighting.left is not None:
+            origin, direction = line_of_sight(self._geometry, sighting.joints, "left", sighting.left)
+        elif sighting.right is not None:
+            origin, direction = line_of_sight(self._geometry, sighting.joints, "right", sighting.right)
+        else:
+            raise AssertionError("only a sighting with a target is placed")
+        # Where the line of sight is `distance` from the head's origin: |o + s d| = distance.
+        along, beyond = float(origin @ direction), distance**2 - float(origin @ origin)
+        return origin + direction * (math.sqrt(max(0.0, along**2 + beyond)) - along), spread
+
+    def _distance(self, moment: float) -> float:
+        if self._nearness.stamp is None:
+            return self._settings.distance
+        nearness = self._nearness.predict(max(moment, self._nearness.stamp)).value
+        return 1 / min(max(nearness, 0.02), 1 / _NEAREST)
+
+    def _wanted(self, moment: float, joints: Joints, pan: float | None = None) -> Joints:
+        """Joint angles that fixate the target as predicted for a moment; pan by the coordination unless given."""
+        azimuth = self._azimuth.predict(moment).value
+        elevation = self._elevation.predict(moment).value
+        point = self._distance(moment) * direction_of(azimuth, elevation)
+        turned = self._settings.coordination.pan(joints.pan, azimuth) if pan is None else pan
+        turned = min(max(turned, self._limits.low.pan), self._limits.high.pan)
+        return look_at(self._geometry, point, turned)
+
+    def _landing(self, now: float, joints: Joints, pan: float | None) -> Joints:
+        """Where the target will be when a saccade that starts now has landed; its duration depends on that place."""
+        duration = 0.0
+        target = joints
+        for _ in range(3):
+            target, _ = self._limits.confine(self._wanted(now + duration, joints, pan))
+            duration = self._limits.duration(joints, target)
+        return target
