@@ -108,6 +108,16 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return round(self.following_limit_deg * self.counts_per_degree)
 
     @property
+    def search_speed(self) -> float:
+        """Speed of the coarse search for the home sensor, rad/s."""
+        return math.radians(self.search_speed_deg_s)
+
+    @property
+    def approach_speed(self) -> float:
+        """Speed of the slow approach to the home sensor, rad/s."""
+        return math.radians(self.approach_speed_deg_s)
+
+    @property
     def home_edge(self) -> float:
         """Joint angle at which the home sensor switches, rad."""
         return math.radians(self.home_edge_deg)

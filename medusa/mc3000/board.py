@@ -38,6 +38,7 @@ class Board:
         self.session = session
         self.clock = BoardClock()
         self.heard = float("-inf")
+        session.name_operations({operation: operation.name for operation in Operation})
         self._seconds_per_byte = BITS_PER_BYTE / baud
 
     @property
@@ -55,10 +56,20 @@ class Board:
         """Boot count of the last HELLO; ProtocolError before it."""
         return self._hello().boot_count
 
+    @property
+    def repeats(self) -> int:
+        """Requests that the link had to repeat so far."""
+        return self.session.counters.repeats
+
     def _hello(self) -> Hello:
         if self.session.hello is None:
             raise ProtocolError(f"board {self.address:02X}H has not answered a HELLO yet")
         return self.session.hello
+
+    @property
+    def may_move(self) -> bool:
+        """True from `open` until the board restarts or is lost."""
+        return self.session.may_move
 
     async def open(self) -> Hello:
         """Greet the board, after which it stands with its watchdog off, and let every event through."""
@@ -89,7 +100,16 @@ class Board:
         moves: bool = False,
         stops: bool = False,
     ) -> bytes:
-        reply = await self.session.request(operation, axis, payload, reads=reads, moves=moves, stops=stops)
+        # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
+        reply = await self.session.request(
+            operation,
+            axis,
+            payload,
+            reads=reads,
+            moves=moves,
+            stops=stops,
+            urgent=operation is Operation.STOP,
+        )
         self._note_heard()
         return reply
 

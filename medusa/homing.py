@@ -1,0 +1,141 @@
+"""Homing the head: groups in their order, the zero from the latched edge, the mark last of all."""
+
+import asyncio
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from medusa.check import CheckRecord
+from medusa.errors import CommandError, DeviceRestarted, MedusaError
+from medusa.faults import HeadFault
+from medusa.homing_mark import NO_MARK
+from medusa.homing_search import FAILURES, HomingError, HomingFailure, HomingSearch
+from medusa.mc3000 import Mode
+
+if TYPE_CHECKING:
+    from medusa.head import Head
+
+log = logging.getLogger(__name__)
+
+PRESET_TRIES = 5
+
+
+@dataclass(frozen=True)
+class HomingResult:
+    """One homed joint: the edge's count before the zero was set, how far the coarse search was off, the rest.
+
+    Counts are by the encoder, angles rad, `seconds` the time it took.
+    """
+
+    axis: str
+    latched_counts: int
+    coarse_error_counts: int
+    zero_shift_counts: int
+    angle: float
+    error_counts: int
+    seconds: float
+
+
+async def home_head(head: "Head", names: Iterable[str]) -> dict[str, HomingResult]:
+    """Home joints in the configured groups; raises HomingError, the failed joint left disabled."""
+    wanted = list(names)
+    unchecked = [name for name in wanted if not CheckRecord.of(head.config).holds(name, head.config)]
+    if unchecked:
+        raise CommandError(
+            f"{', '.join(unchecked)}: not checked since the configuration changed; run check first"
+        )
+    results: dict[str, HomingResult] = {}
+    await head.enable(wanted)
+    for group in head.config.homing.order:
+        together = [name for name in group if name in wanted]
+        tasks = [asyncio.ensure_future(home_axis(head, name)) for name in together]
+        try:
+            for result in await asyncio.gather(*tasks):
+                results[result.axis] = result
+        except BaseException:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            raise
+    return results
+
+
+async def home_axis(head: "Head", name: str) -> HomingResult:
+    """Home one enabled joint; raises HomingError, the joint left disabled."""
+    axis = head.axes[name]
+    log.info("%s: homing", name)
+    began = asyncio.get_running_loop().time()
+    axis.homed = False
+    search = HomingSearch(axis, head.faults)
+    try:
+        await axis.board.write_mark(axis.channel, NO_MARK)
+        coarse, latched = await search.find_edge()
+        shift = await _set_zero(head, name, search, latched)
+        axis.homed = True
+        await axis.set_mode(Mode.POSITION)
+        report = await head.move({name: axis.config.home_angle})
+        await axis.board.write_mark(axis.channel, head.mark(name))
+        if await axis.board.read_mark(axis.channel) != head.mark(name):
+            raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
+    except BaseException as error:
+        axis.homed = False
+        failure = _named(name, error, search)
+        await asyncio.shield(asyncio.ensure_future(_leave_disabled(head, name)))
+        if failure is error:
+            raise
+        raise failure from error
+    log.info("%s: homed, edge at %d counts before the zero was set", name, latched)
+    return HomingResult(
+        axis=name,
+        latched_counts=latched,
+        coarse_error_counts=coarse - latched,
+        zero_shift_counts=shift,
+        angle=report.snapshot.joints[name].angle,
+        error_counts=report.errors_counts[name],
+        seconds=asyncio.get_running_loop().time() - began,
+    )
+
+
+async def _set_zero(head: "Head", name: str, search: HomingSearch, latched: int) -> int:
+    """PRESET so that the latched edge has its configured angle; what was added to the count."""
+    axis = head.axes[name]
+    shift = axis.to_counts(axis.config.home_edge) - latched
+    for _ in range(PRESET_TRIES):
+        before = await search.rest_idle()
+        if await axis.board.position(axis.channel) != before:
+            continue
+        await axis.board.preset(axis.channel, before + shift)
+        after = await axis.board.position(axis.channel)
+        if after == before + shift:
+            return shift
+        # It moved between the reading and the PRESET: what went by is known from no register.
+        raise HomingError(
+            name, HomingFailure.NOT_AT_REST, f"moved {after - before - shift} counts while the zero was set"
+        )
+    raise HomingError(name, HomingFailure.NOT_AT_REST, f"{PRESET_TRIES} times before the zero was set")
+
+
+def _named(name: str, error: BaseException, search: HomingSearch) -> BaseException:
+    """The named failure behind an error; what is no failure of the machine stays what it is."""
+    if isinstance(error, HomingError) or not isinstance(error, MedusaError):
+        return error
+    try:
+        search.raise_fault()
+    except HomingError as failure:
+        return failure
+    if isinstance(error, HeadFault) and name in error.cause.axes:
+        failed = FAILURES.get(error.cause.kind, HomingFailure.INTERRUPTED)
+        return HomingError(name, failed, error.cause.reason)
+    if isinstance(error, DeviceRestarted):
+        return HomingError(name, HomingFailure.RESTARTED, str(error))
+    if error.fault in ("port", "line", "device"):
+        return HomingError(name, HomingFailure.LINE_LOST, str(error))
+    return HomingError(name, HomingFailure.INTERRUPTED, str(error))
+
+
+async def _leave_disabled(head: "Head", name: str) -> None:
+    try:
+        await head.disable([name])
+    except MedusaError as error:
+        log.error("%s: could not be disabled: %s", name, error)

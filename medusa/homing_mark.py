@@ -1,0 +1,26 @@
+"""The mark that says "homed" across processes: four bytes that only a homed axis of this machine carries."""
+
+import hashlib
+
+import msgspec
+
+from medusa.config import AxisConfig
+from medusa.mc3000.registers import MARK_LENGTH
+
+NO_MARK = bytes(MARK_LENGTH)
+
+
+def axis_digest(name: str, config: AxisConfig) -> str:
+    """SHA-256 of a joint's whole configuration, hexadecimal: it changes with any of its keys."""
+    return hashlib.sha256(msgspec.json.encode((name, config))).hexdigest()
+
+
+def make_mark(port: str, name: str, config: AxisConfig, boot_count: int) -> bytes:
+    """The mark for registers 18H–1BH: a hash of port, configuration and boot count, never four zeros.
+
+    Whatever voids the count (power-up, reset, PRESET, a write to the position) clears the registers, and a
+    restart changes the boot count, so an old mark is never taken for a new one.
+    """
+    told = f"{port}\0{axis_digest(name, config)}\0{boot_count}".encode()
+    mark = hashlib.sha256(told).digest()[:MARK_LENGTH]
+    return mark if mark != NO_MARK else b"\x01" + mark[1:]
