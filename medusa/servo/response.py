@@ -36,14 +36,23 @@ def step_figures(
         raise ValueError("a step of zero has no figures")
     gone = (np.asarray(response, dtype=np.float64) - response[0]) / step
     tail = gone[-max(1, len(gone) // 10) :]
-    outside = np.flatnonzero(np.abs(gone - 1) > band)
-    last = int(outside[-1]) + 1 if outside.size else 0
+    last = int(settled_from(np.abs(gone - 1) <= band))
     return StepFigures(
         rise=_crossing(time, gone, 0.9) - _crossing(time, gone, 0.1),
         overshoot=max(0.0, float(gone.max() - 1) * abs(step)),
         settling=float(time[last] - time[0]) if last < len(gone) else float("nan"),
         final_error=float((1 - tail.mean()) * step),
     )
+
+
+def settled_from(inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First sample from which the response stays inside, the number of samples when it ends outside.
+
+    Shape (samples, …batch) to (…batch).
+    """
+    backwards = ~inside[::-1]
+    never_out = ~backwards.any(axis=0)
+    return np.asarray(np.where(never_out, 0, len(inside) - np.argmax(backwards, axis=0)), dtype=np.int64)
 
 
 def _crossing(time: NDArray[np.float64], gone: NDArray[np.float64], level: float) -> float:
