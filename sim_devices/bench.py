@@ -45,6 +45,7 @@ class Bench:
 
     Parts that name the same line share it. Without `links` the ports are links in a directory of their own:
     a path stays the same when a cable is pulled. `faults` is one plan for every line or one for each.
+    The directory of the links must exist.
     """
 
     def __init__(
@@ -74,7 +75,6 @@ class Bench:
         if links is None:
             links = self._own_links = Path(tempfile.mkdtemp(prefix="sim-devices-"))
         try:
-            links.mkdir(parents=True, exist_ok=True)
             await self._start(links)
         except BaseException:
             await self.__aexit__()
@@ -130,16 +130,22 @@ class Bench:
             verbs.update({f"{name}.{verb}": call for verb, call in part.verbs.items()})
         return verbs
 
+    def describe_verbs(self) -> dict[str, str]:
+        """Return every verb with its arguments and what it does."""
+        return {
+            name: f"{_arguments(call)} {(inspect.getdoc(call) or '').partition(chr(10))[0]}"
+            for name, call in sorted(self.verbs().items())
+        }
+
     def inject(self, verb: str, **arguments: Any) -> Any:
         """Call a verb now and let every line look again; raises UnknownVerb, ValueError."""
         call = self.verbs().get(verb)
         if call is None:
             raise UnknownVerb(f"no verb {verb!r}; there are {', '.join(sorted(self.verbs()))}")
-        signature = inspect.signature(call)
         try:
-            signature.bind(**arguments)
+            inspect.signature(call).bind(**arguments)
         except TypeError as error:
-            raise UnknownVerb(f"{verb}{signature}: {error}") from None
+            raise UnknownVerb(f"{verb}{_arguments(call)}: {error}") from None
         self._advance()
         logger.info("inject %s %s", verb, arguments)
         try:
@@ -171,15 +177,19 @@ class Bench:
         return self.lines[name]
 
     def _unplug(self, line: str) -> None:
+        """Pull a line's cable."""
         self._line(line).unplug()
 
     def _plug(self, line: str) -> None:
+        """Put a line's cable in."""
         self._line(line).plug()
 
     def _hang_up(self, line: str, seconds: float) -> None:
+        """Pull a line's cable for a time (s)."""
         self._line(line).hang_up(_positive("seconds", seconds))
 
     def _stall(self, line: str, seconds: float) -> None:
+        """Let nothing onto a line for a time (s)."""
         self._line(line).stall(_positive("seconds", seconds))
 
 
@@ -189,6 +199,10 @@ def _rearm_all(lines: Sequence[Line]) -> Callable[[], None]:
             line.rearm()
 
     return rearm
+
+
+def _arguments(call: Callable[..., Any]) -> str:
+    return str(inspect.signature(call).replace(return_annotation=inspect.Signature.empty))
 
 
 def _positive(name: str, value: float) -> float:
