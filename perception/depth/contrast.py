@@ -1,0 +1,70 @@
+"""Grey-level differences with mean and contrast of the window taken out.
+
+The thesis equalises the mean of the window by a ratio (2.8). A ratio removes a gain but no offset, so
+the search for the match works on gradients, which know no mean, divided by the contrast of their
+surroundings and limited: what remains is little more than the sign of the slope, and that survives
+gain, offset, vignetting and an occluding edge.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Grey = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+SLOPE_GAIN = 12.0**0.5
+"""Standard deviation of a 3×3 Sobel slope for white noise of standard deviation one."""
+CONTRAST_RADIUS = 10
+"""Half the window, in pixels, over which the contrast is measured."""
+LIMIT = 0.3
+"""Slopes beyond this part of the local contrast all look alike."""
+NOISE_LIMIT = 2.0
+"""… and so do slopes beyond this many standard deviations of the noise."""
+
+
+def estimate_noise(grey: Grey) -> float:
+    """Standard deviation of the pixel noise in grey levels, from second differences both ways.
+
+    The mask [1 −2 1]ᵀ[1 −2 1] answers neither to slopes nor to straight edges along the axes; its
+    median is little moved by the texture that is left. At least the .3 levels of quantisation.
+    """
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+    response = np.abs(cv2.filter2D(grey, cv2.CV_32F, mask))
+    return max(float(np.median(response)) / (6 * 0.6745), 0.3)
+
+
+def window_mean(image: Grey, radius: int) -> Grey:
+    """Mean over the window of (2·radius + 1)² pixels."""
+    side = 2 * radius + 1
+    return np.asarray(cv2.blur(image, (side, side), borderType=cv2.BORDER_REFLECT_101), np.float32)
+
+
+def equalised_slopes(grey: Grey, noise: float) -> Bytes:
+    """The two slopes of the picture in units of the local contrast, limited to ±1 and coded as 0…254.
+
+    Args:
+        grey: height × width, grey levels.
+        noise: standard deviation of the pixel noise in grey levels.
+
+    Returns:
+        height × width × 2: slope along x and along y.
+    """
+    across = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
+    down = cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+    power = window_mean(cv2.add(cv2.multiply(across, across), cv2.multiply(down, down)), CONTRAST_RADIUS)
+    floor = (NOISE_LIMIT * SLOPE_GAIN * noise) ** 2
+    scale = np.float32(127) / np.sqrt(np.float32(LIMIT**2 / 2) * power + np.float32(floor))
+    slopes = cv2.merge([across * scale, down * scale])
+    np.clip(slopes, -127, 127, out=slopes)
+    slopes += np.float32(127.5)
+    return slopes.astype(np.uint8)
+
+
+def smooth_against_noise(grey: Grey, noise: float) -> Grey:
+    """Blur a little where the noise stands out against the texture; leave a clean picture alone."""
+    slope = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
+    texture = float(np.sqrt(np.mean(slope * slope)))
+    share = SLOPE_GAIN * noise / max(texture, 1e-6)
+    sigma = float(np.clip(2.0 * (share - 0.15), 0.0, 0.8))
+    return grey if sigma < 0.3 else np.asarray(cv2.GaussianBlur(grey, (0, 0), sigma), np.float32)

@@ -1,0 +1,17 @@
+"""What can be wrong with what the depth estimator is given."""
+
+
+class DepthError(Exception):
+    """Root of the errors of this room."""
+
+
+class ImageError(DepthError):
+    """A picture that cannot be used: unreadable, of another size, colour where grey was expected."""
+
+
+class MotionError(DepthError):
+    """A motion that cannot be used: rows missing, no rotation matrix, a unit that cannot be right."""
+
+
+class ConfigError(DepthError):
+    """A camera file or setting outside its range; the message names file, key, value and range."""

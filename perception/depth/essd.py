@@ -1,0 +1,101 @@
+"""The extended sum of squared differences around a predicted match, thesis (2.6)–(2.8).
+
+Every pixel of the base picture is sent to the other one by its own inverse depth, so that the window
+follows a slanted surface; the error surface is then sampled around that place along the epipolar line
+(u) and across it (v).
+"""
+
+from enum import Enum
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.contrast import window_mean
+from perception.depth.epipolar import Projection
+from perception.depth.parabola import Quadric, fit_quadric
+
+Field = NDArray[np.float32]
+STENCIL = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
+
+
+class Equalisation(Enum):
+    """What is taken out of the window before grey levels are compared."""
+
+    NONE = "none"
+    """(2.6), (2.7): nothing."""
+    MEAN_RATIO = "mean-ratio"
+    """(2.8): the ratio of the means, where the window has texture. Removes a gain, not an offset."""
+    NORMALISED = "normalised"
+    """Difference of means and ratio of standard deviations: removes gain and offset."""
+
+
+TEXTURE_GATE = 0.01
+"""Least ratio of standard deviation to mean for (2.8) to be used, thesis section 2.9.1."""
+
+
+class BaseWindow:
+    """The windows of the base picture, whose moments all candidates share."""
+
+    def __init__(self, grey: Field, radius: int, equalisation: Equalisation) -> None:
+        self.grey = grey
+        self.radius = radius
+        self.pixels = (2 * radius + 1) ** 2
+        self.equalisation = equalisation
+        self.mean = window_mean(grey, radius)
+        self.variance = np.maximum(window_mean(grey * grey, radius) - self.mean * self.mean, 0)
+
+    def sum_of_squares(self, warped: Field) -> Field:
+        """Σ φ [I_t − equalised I_{t+τ}]² over the window; φ = 1; height × width, grey levels squared."""
+        if self.equalisation is Equalisation.NONE:
+            difference = self.grey - warped
+            return window_mean(difference * difference, self.radius) * np.float32(self.pixels)
+        mean = window_mean(warped, self.radius)
+        if self.equalisation is Equalisation.MEAN_RATIO:
+            gate = np.sqrt(self.variance) > TEXTURE_GATE * np.maximum(self.mean, 1e-3)
+            ratio = np.where(gate & (mean > 1e-3), self.mean / np.maximum(mean, 1e-3), np.float32(1))
+            square = window_mean(self.grey * self.grey, self.radius)
+            cross = window_mean(self.grey * warped, self.radius)
+            power = window_mean(warped * warped, self.radius)
+            return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
+        variance = np.maximum(window_mean(warped * warped, self.radius) - mean * mean, 0)
+        covariance = window_mean(self.grey * warped, self.radius) - self.mean * mean
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.sqrt(self.variance / np.maximum(variance, 1e-6))
+        return 2 * np.maximum(self.variance - gain * covariance, 0) * np.float32(self.pixels)
+
+
+def epipolar_axes(projection: Projection) -> tuple[Field, Field, Field]:
+    """Unit vector along the epipolar line (ex, ey) and |C|, the pixels a unit of inverse depth is worth."""
+    length = np.hypot(projection.slope_x, projection.slope_y)
+    safe = np.maximum(length, np.float32(1e-9))
+    away = length > 1e-9
+    return (
+        np.where(away, projection.slope_x / safe, np.float32(1)),
+        np.where(away, projection.slope_y / safe, np.float32(0)),
+        length,
+    )
+
+
+def sample_surface(base: BaseWindow, other: Field, projection: Projection, step: float) -> Quadric:
+    """The error surface around where `projection` sends every pixel, as a quadric in (u, v) pixels.
+
+    Args:
+        base: the windows of the base picture.
+        other: the other picture, grey levels.
+        projection: the predicted place of every pixel.
+        step: distance of the samples in pixels.
+    """
+    along_x, along_y, _ = epipolar_axes(projection)
+    along_x, along_y = along_x * np.float32(step), along_y * np.float32(step)
+    values = {}
+    for i, j in STENCIL:
+        warped = cv2.remap(
+            other,
+            projection.x + i * along_x - j * along_y,
+            projection.y + i * along_y + j * along_x,
+            cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        values[i, j] = base.sum_of_squares(np.asarray(warped, np.float32))
+    return fit_quadric(values, step)

@@ -1,0 +1,92 @@
+"""Regularisation by the thin membrane, thesis (2.12)–(2.18).
+
+Ψ = Σ λ (u − d)²/σ² + Σ w (u_i − u_j)² over the pixels and over the pairs of neighbours (2.15). The
+printed relaxation (2.16) minimises it with 4λ in the place of λ; here λ is that of (2.15).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Field = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Springs:
+    """How strongly neighbours are tied: w of (x, y)–(x, y+1), height − 1 × width, and of (x, y)–(x+1, y)."""
+
+    down: Field
+    right: Field
+
+    @classmethod
+    def even(cls, shape: tuple[int, int]) -> "Springs":
+        """The membrane of the thesis: all springs 1."""
+        height, width = shape
+        return cls(np.ones((height - 1, width), np.float32), np.ones((height, width - 1), np.float32))
+
+    @classmethod
+    def cut_at_edges(cls, guide: Field, contrast: float, disparity: Field, jump_px: float) -> "Springs":
+        """Springs that weaken across an edge of the picture and all but tear at a jump of the disparity."""
+
+        def stiffness(axis: int) -> Field:
+            edge = np.diff(guide, axis=axis) / np.float32(contrast)
+            jump = np.diff(disparity, axis=axis) / np.float32(jump_px)
+            return np.asarray(1 / ((1 + edge * edge) * (1 + jump**4)) + 1e-4, np.float32)
+
+        return cls(stiffness(0), stiffness(1))
+
+    def gather(self, values: Field) -> Field:
+        """Σ w u over the neighbours that there are."""
+        total = np.zeros_like(values)
+        total[1:] += self.down * values[:-1]
+        total[:-1] += self.down * values[1:]
+        total[:, 1:] += self.right * values[:, :-1]
+        total[:, :-1] += self.right * values[:, 1:]
+        return total
+
+
+def relax_membrane(
+    measured: Field,
+    variance: Field,
+    springs: Springs,
+    strength: float = 1.0,
+    iterations: int = 20,
+    start: Field | None = None,
+) -> tuple[Field, Field]:
+    """Relax the membrane over measured disparities, thesis (2.16)–(2.18), and carry the variance along.
+
+    u ← (Σ w ū + λσ⁻² d) / (Σ w + λσ⁻²), first on the black, then on the white squares of the chess-board
+    (Gauss–Seidel). The variance follows the corrected (2.18), (16 var ū + w² σ²)/(4 + w)², with the
+    neighbours' errors taken as fully correlated, as overlapping windows make them.
+
+    Args:
+        measured: d, in pixels; NaN is a void.
+        variance: σ² of d in px²; it is not looked at in voids.
+        strength: λ.
+        start: where the relaxation begins; the measurement, with voids at its median, by default.
+
+    Returns:
+        u and its variance, height × width each.
+    """
+    known = np.isfinite(measured)
+    data = np.where(known, measured, np.float32(0))
+    weight = np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0).astype(np.float32)
+    if start is None:
+        middle = np.float32(np.median(measured[known])) if known.any() else np.float32(0)
+        start = np.where(known, measured, middle)
+    ties = springs.gather(np.ones_like(data))
+    share = 1 / (ties + weight)
+    height, width = data.shape
+    black = (np.add.outer(np.arange(height), np.arange(width)) & 1).astype(bool)
+    u = start.astype(np.float32, copy=True)
+    pull = weight * data
+    for _ in range(iterations):
+        for squares in (black, ~black):
+            np.copyto(u, (springs.gather(u) + pull) * share, where=squares)
+    spread = np.sqrt(np.where(known, variance, np.float32(0)))
+    worst = np.float32(np.sqrt(np.max(variance[known]))) if known.any() else np.float32(0)
+    spread = np.where(known, spread, worst)
+    around = springs.gather(spread) / np.maximum(ties, 1e-6)
+    mixed = (ties * around + weight * spread) * share
+    return u, np.asarray(mixed * mixed, np.float32)

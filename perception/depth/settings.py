@@ -1,0 +1,83 @@
+"""What can be chosen, and the two presets: the pipeline of the thesis to the letter, and the better default."""
+
+from dataclasses import dataclass, replace
+
+from perception.depth.errors import ConfigError
+from perception.depth.essd import Equalisation
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The estimator's settings; lengths in metres and pixels of the finest level."""
+
+    near: float = 0.1
+    """Nearest depth searched, m."""
+    far: float = 1000.0
+    """Farthest depth searched, m."""
+    literal: bool = False
+    """Match as the thesis does: a search in two dimensions around the prediction, level by level."""
+    levels: int = 3
+    """Levels of the Gaussian pyramid (2.5)."""
+    max_planes: int = 96
+    """More hypotheses than this are not searched on the finest level but on the next coarser one."""
+    sweep_radius: int = 2
+    """Half the window of the sweep."""
+    bend: float = 0.3
+    jump: float = 1.5
+    """Cost of a bend and of a jump of the weak string, as parts of the greatest matching cost."""
+    prediction_weight: float = 8.0
+    prediction_limit: float = 9.0
+    """The pull of the predicted depth on the search: weight·min(χ²/2, limit)."""
+    window_radius: int = 3
+    """Half the window of the error surface; 7×7 as in the thesis."""
+    surface_step: float = 0.6
+    """Distance in pixels of the samples of the error surface."""
+    equalisation: Equalisation = Equalisation.NORMALISED
+    epipolar_std_px: float = 0.15
+    """How far a match may lie off its epipolar line: the soft epipolar term as a standard deviation."""
+    epipolar_weight: float = 5.0
+    """λ_ep of (2.7), (2.8), in squared grey levels per px²; for the literal match."""
+    strength: float = 1.0
+    """λ of (2.15)."""
+    membrane_iterations: int = 12
+    bias_px: float = 0.05
+    """What interpolation and the shape of the window leave as error of a match whatever the noise."""
+    noise_factor: float = 1.0
+    """By how much the deviation of a match exceeds what (2.11) says."""
+    drift: float = 0.005
+    """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
+    gate: float = 3.0
+    """Standard deviations beyond which a prediction and a measurement are two surfaces."""
+    start_depth: float | None = None
+    """Depth assumed of every pixel before the first pair, m; None assumes nothing."""
+    start_std: float = 0.5
+    """Its standard deviation, as a part of its inverse depth."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.near < self.far:
+            raise ConfigError(f"near = {self.near}, far = {self.far}: depths with 0 < near < far are needed")
+        if not 1 <= self.levels <= 6:
+            raise ConfigError(f"levels = {self.levels}: 1 to 6 levels")
+
+
+DEFAULT = Settings()
+
+THESIS = Settings(
+    literal=True,
+    equalisation=Equalisation.MEAN_RATIO,
+    epipolar_weight=5.0,
+    window_radius=3,
+    levels=3,
+    strength=4.0,
+    membrane_iterations=20,
+    start_depth=12.0,
+    bias_px=0.0,
+    drift=0.0,
+)
+"""Chapter 2 to the letter: window 7×7, λ = 1 of (2.16), which is 4 of (2.15), λ_ep = 5, three levels."""
+
+PRESETS = {
+    "default": DEFAULT,
+    "thesis": THESIS,
+    "thesis-unequalised": replace(THESIS, equalisation=Equalisation.NONE),
+}

@@ -1,0 +1,73 @@
+"""The cost of every depth hypothesis at every pixel: both pictures brought together on a fan of planes.
+
+For the plane at inverse depth ρ_k the other picture is warped by its homography, and the difference of
+the equalised slopes is summed over the window φ of (2.6). The candidates of a pixel are then the
+points of its epipolar line.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.epipolar import Epipolar
+
+Bytes = NDArray[np.uint8]
+Volume = NDArray[np.int16]
+
+WORST = 510
+"""The greatest cost of a pixel: two slopes that differ by the whole range."""
+WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+
+
+def sweep_planes(
+    base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[np.float64], radius: int = 2
+) -> Volume:
+    """Matching costs, 0 (alike) to 510, of the base pixels on each plane.
+
+    Args:
+        base, other: equalised slopes, height × width × 2.
+        geometry: from the base view to the other.
+        planes: inverse depths, 1/m.
+        radius: half the window.
+
+    Returns:
+        height × planes × width, so that one row with all its planes lies together.
+    """
+    height, width = base.shape[:2]
+    costs = np.empty((height, len(planes), width), np.int16)
+    side = (2 * radius + 1, 2 * radius + 1)
+    for k, inverse_depth in enumerate(planes):
+        warped = cv2.warpPerspective(
+            other,
+            geometry.homography(float(inverse_depth)),
+            (width, height),
+            flags=WARP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+        difference = cv2.blur(cv2.absdiff(base, warped), side)
+        pair = difference.view(np.uint16)[..., 0]
+        costs[:, k] = (pair & 255) + (pair >> 8)
+    return costs
+
+
+def add_prediction(
+    costs: Volume,
+    planes: NDArray[np.float64],
+    inverse_depth: NDArray[np.float32],
+    variance: NDArray[np.float32],
+    weight: float,
+    limit: float,
+) -> None:
+    """Bound the search by the predicted depth: add weight·min((ρ_k − ρ̂)²/2P, limit) to the costs, in place.
+
+    Where nothing was predicted (NaN) nothing is added. P is never taken below half a plane's distance.
+    """
+    spacing = float(planes[1] - planes[0])
+    known = np.isfinite(inverse_depth)
+    place = np.where(known, (inverse_depth - planes[0]) / spacing, 0).astype(np.float32)
+    spread = variance / np.float32(spacing**2) + np.float32(0.25)
+    slope = np.where(known, np.sqrt(np.float32(0.5 * weight) / spread), 0).astype(np.float32)
+    ceiling = np.float32(weight * limit)
+    for k in range(len(planes)):
+        away = (place - np.float32(k)) * slope
+        costs[:, k] += np.minimum(away * away, ceiling).astype(np.int16)
