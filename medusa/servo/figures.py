@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from medusa.servo.position_filter import (
     Filter,
     closed_loop_poles,
     compensated_gain_limit,
+    double_pole_gains,
     uncompensated_breakaway,
     uncompensated_gain_limit,
 )
@@ -46,32 +49,48 @@ STYLE: dict[Any, Any] = {
 }
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run a drawing function in the project's style, whatever the surrounding matplotlib settings."""
+
+    @functools.wraps(draw)
+    def inside(*args: P.args, **kwargs: P.kwargs) -> R:
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return inside
+
+
+@styled
 def new_figure(width: float, height: float, **subplots: Any) -> tuple[Figure, Any]:
-    """A figure with one axes, or those of `subplots`, in the project's style and without a display."""
-    import matplotlib
+    """A figure with one axes, or those of `subplots`; it needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
-        return figure, figure.subplots(**subplots)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(**subplots)
 
 
+@styled
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a PNG, its directory made where it is missing."""
-    import matplotlib
-
     path.parent.mkdir(parents=True, exist_ok=True)
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(path)
+    figure.savefig(path)
 
 
 def draw_root_locus(axes: Axes, plant: DiscretePlant, controller: Filter, gains: NDArray[np.float64]) -> None:
     """The closed-loop poles of K (z − A)/(z + B) P(z) for rising K; `controller`'s own gain is not used."""
     import control
 
-    shape = Filter(controller.zero, controller.pole, 1.0).transfer_function(plant.period) * plant.position()
+    shape = plant.position()
+    if (controller.zero, controller.pole) != (0.0, 0.0):
+        shape = Filter(controller.zero, controller.pole, 1.0).transfer_function(plant.period) * shape
     locus = control.root_locus_map(shape, gains=gains).loci
     axes.add_patch(_unit_circle())
     axes.axhline(0, color=GREY, linewidth=0.6)
@@ -96,6 +115,13 @@ def _unit_circle() -> Any:
     return Circle((0, 0), 1.0, fill=False, linestyle=":", linewidth=1.2, edgecolor=INK)
 
 
+def _gains(breakaway: float, reentry: float) -> NDArray[np.float64]:
+    """Gains from 0 to nearly infinity, dense where two poles meet and their paths turn off sharply."""
+    fine = 1 + np.concatenate([-np.geomspace(1e-6, 0.2, 60), [0.0], np.geomspace(1e-6, 0.2, 60)])
+    wide = np.geomspace(breakaway / 50, reentry * 500, 900)
+    return np.unique(np.concatenate([[0.0], breakaway * fine, reentry * fine, wide]))
+
+
 def _note(axes: Axes, place: complex, text: str, offset: tuple[float, float]) -> None:
     axes.plot([place.real], [place.imag], ".", color=INK, markersize=7)
     axes.annotate(
@@ -109,6 +135,7 @@ def _note(axes: Axes, place: complex, text: str, offset: tuple[float, float]) ->
     )
 
 
+@styled
 def figure_6_5(design: ServoDesign) -> Figure:
     """Root locus of the uncompensated loop: stable only below K = (1 − p)/(g b)."""
     figure, axes = new_figure(9.6, 4.6, ncols=2)
@@ -117,34 +144,33 @@ def figure_6_5(design: ServoDesign) -> Figure:
     limit = uncompensated_gain_limit(plant)
     gain, place = uncompensated_breakaway(plant)
     crossing = closed_loop_poles(plant, Filter(0.0, 0.0, limit))[:2]
-    for ax, top in zip(axes, (60.0, 2.0), strict=True):
-        near = np.geomspace(gain * 0.5, gain * 1.5, 200)
-        gains = np.unique(np.concatenate([[0.0], near, np.geomspace(gain / 100, top, 900)]))
-        draw_root_locus(ax, plant, bare, gains)
+    # The two real branches meet again beyond the zero: k of the discriminant's other root.
+    reentry = 2 * ((1 + plant.pole) + 2 * plant.zero) / plant.gain - gain
+    for ax in axes:
+        draw_root_locus(ax, plant, bare, _gains(gain, reentry))
     upper = next(z for z in crossing if z.imag > 0)
     at_one = next(z for z in closed_loop_poles(plant, Filter(0.0, 0.0, 1.0)) if z.imag > 0)
-    axes[0].set_xlim(-3.6, 1.8)
+    axes[0].set_xlim(-3.9, 1.6)
     axes[0].set_ylim(-2.3, 2.3)
     axes[0].set_title("Without compensation")
     axes[0].legend(loc="lower left", fontsize=8.5)
-    axes[1].set_xlim(0.8, 1.06)
-    axes[1].set_ylim(-0.46, 0.46)
+    axes[1].set_xlim(0.74, 1.04)
+    axes[1].set_ylim(-0.66, 0.66)
     axes[1].set_aspect("auto")
     axes[1].set_title("near z = 1")
-    _note(axes[1], complex(place, 0), f"poles meet\nK = {gain:.4f}", (-66, -44))
-    _note(axes[1], upper, f"leaves the unit circle\nK = {limit:.3f}", (-130, -6))
-    _note(axes[1], at_one, f"K = 1: |z| = {abs(at_one):.4f}", (-124, 18))
+    _note(axes[1], complex(place, 0), f"poles meet\nK = {gain:.4f}", (-92, -40))
+    _note(axes[1], upper, f"leaves the unit circle\nK = {limit:.3f}", (18, -4))
+    _note(axes[1], at_one, f"K = 1: |z| = {abs(at_one):.4f}", (14, 12))
     return figure
 
 
+@styled
 def figure_6_6(design: ServoDesign) -> Figure:
     """Root locus with the plant's pole cancelled: stable to K = 1/(g b), double pole at the design gain."""
     figure, axes = new_figure(6.4, 4.6)
     plant, controller = design.discrete, design.filter
     limit = compensated_gain_limit(plant)
-    near = controller.gain * (1 + np.linspace(-0.25, 0.25, 201))
-    gains = np.unique(np.concatenate([[0.0], near, np.geomspace(0.01, 60.0, 900)]))
-    draw_root_locus(axes, plant, controller, gains)
+    draw_root_locus(axes, plant, controller, _gains(*double_pole_gains(plant)))
     double = complex(closed_loop_poles(plant, controller)[1].real, 0)
     edge = next(z for z in closed_loop_poles(plant, Filter(plant.pole, 0.0, limit)) if z.imag > 1e-6)
     real = (
@@ -153,7 +179,7 @@ def figure_6_6(design: ServoDesign) -> Figure:
     axes.set_xlim(-3.6, 1.8)
     axes.set_ylim(-2.1, 2.1)
     axes.set_title("With A = p, B = 0")
-    _note(axes, double, f"double pole {double.real:.3f}\nK = {controller.gain:.2f}", (30, -66))
+    _note(axes, double, f"double pole {double.real:.3f}\nK = {controller.gain:.2f}", (-16, -84))
     _note(axes, edge, f"leaves the unit circle\nK = {limit:.2f}", (20, 34))
     axes.plot(
         [real.real, real.real], [real.imag, -real.imag], "d", color=GREEN, markersize=6,
@@ -163,6 +189,7 @@ def figure_6_6(design: ServoDesign) -> Figure:
     return figure
 
 
+@styled
 def figure_6_7(design: ServoDesign, printed: Filter, step: int = 100) -> Figure:
     """Step response: the linear design, and the same step in counts through DAC, encoder and nearest bytes."""
     figure, axes = new_figure(6.4, 4.0)
