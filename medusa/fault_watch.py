@@ -8,6 +8,7 @@ from medusa.axis import Axis
 from medusa.errors import DeviceRestarted, MedusaError
 from medusa.faults import Fault, FaultHub, FaultKind, fault_from_event
 from medusa.mc3000 import Board, BoardEvent
+from medusa.servo_amp import Amplifier
 from medusa.stopping import Stopping
 
 log = logging.getLogger(__name__)
@@ -17,9 +18,15 @@ class FaultWatch:
     """Listens to every board; any fault but a joint held at its soft limit stops the other joints, too."""
 
     def __init__(
-        self, axes: Mapping[str, Axis], boards: Mapping[int, Board], hub: FaultHub, stopping: Stopping
+        self,
+        axes: Mapping[str, Axis],
+        boards: Mapping[int, Board],
+        amplifiers: Mapping[str, Amplifier],
+        hub: FaultHub,
+        stopping: Stopping,
     ) -> None:
         self._axes = axes
+        self._amplifiers = amplifiers
         self._hub = hub
         self._stopping = stopping
         self._stop: asyncio.Task[str] | None = None
@@ -35,7 +42,7 @@ class FaultWatch:
         self._leave.clear()
 
     async def stopped(self) -> str:
-        """Wait until the stop that a fault caused is confirmed; what remained unconfirmed, or nothing."""
+        """Wait until the stop that a fault caused is confirmed; what else there is to tell of it."""
         return await asyncio.shield(self._stop) if self._stop is not None else ""
 
     def _watch(self, board: Board) -> None:
@@ -79,12 +86,12 @@ class FaultWatch:
         if self._stop is None or self._stop.done() or emergency:
             before = self._stop
             self._stop = asyncio.get_running_loop().create_task(
-                self._stop_head(emergency, before), name="stop for a fault"
+                self._stop_head(fault, before), name="stop for a fault"
             )
 
-    async def _stop_head(self, emergency: bool, before: "asyncio.Task[str] | None") -> str:
+    async def _stop_head(self, fault: Fault, before: "asyncio.Task[str] | None") -> str:
         try:
-            if emergency:
+            if fault.kind is FaultKind.EMERGENCY_STOP:
                 # One emergency stop anywhere is one everywhere: the other board may not have heard it.
                 await self._stopping.emergency_stop()
             else:
@@ -95,4 +102,13 @@ class FaultWatch:
         finally:
             if before is not None and not before.done():
                 before.cancel()
-        return ""
+        return await self._amplifier_told(fault) if fault.kind is FaultKind.AMPLIFIER else ""
+
+    async def _amplifier_told(self, fault: Fault) -> str:
+        told = []
+        for name in fault.axes:
+            try:
+                told += (await self._amplifiers[name].status()).faults
+            except MedusaError as error:
+                told.append(str(error))
+        return f"the amplifier says {', '.join(told)}" if told else ""

@@ -60,7 +60,7 @@ class Head:
         self._supervision = Supervision(
             self.axes, self.boards, self.amplifiers, self._reader, self.faults, config
         )
-        self._watch = FaultWatch(self.axes, self.boards, self.faults, self._stopping)
+        self._watch = FaultWatch(self.axes, self.boards, self.amplifiers, self.faults, self._stopping)
         self._moves = Moves(self.axes, self.boards, self._reader, self.faults, self.stop, self._watch.stopped)
 
     @classmethod
@@ -135,27 +135,31 @@ class Head:
             if not board.may_move:
                 await board.open()
         await self._recall_homing()
-        new = [name for name in wanted if name not in self.enabled]
         snapshot = await self.snapshot()
-        for name in new:
+        for name in wanted:
             latched = snapshot.joints[name].inputs & (Inputs.EMERGENCY_STOP_LATCHED | Inputs.FAULT_LATCHED)
             if latched:
                 raise CommandError(f"{name}: {latched.name or latched!r} is latched; clear it first")
         await self._watchdogs_on()
+        new = [name for name in wanted if not await self._is_on(name)]
         try:
             for name in new:
                 if self.axes[name].mode is not Mode.IDLE:
                     await self.axes[name].set_mode(Mode.IDLE)
                 await self._enable_bridge(name)
+            if mode is not Mode.IDLE:
+                free = [n for n in wanted if not snapshot.joints[n].inputs & Inputs.LIMIT_LATCHED]
+                await asyncio.gather(*(self.axes[name].set_mode(mode) for name in free))
+                for name in set(wanted) - set(free):
+                    log.warning("%s: its limit is latched; it stays idle until homing backs it off", name)
         except BaseException:
             await asyncio.shield(asyncio.ensure_future(self._give_up(new)))
             raise
         log.info("enabled: %s", ", ".join(wanted))
-        if mode is not Mode.IDLE:
-            free = [n for n in wanted if not snapshot.joints[n].inputs & Inputs.LIMIT_LATCHED]
-            await asyncio.gather(*(self.axes[name].set_mode(mode) for name in free))
-            for name in set(wanted) - set(free):
-                log.warning("%s: its limit is latched; it stays idle until homing backs it off", name)
+
+    async def _is_on(self, name: str) -> bool:
+        """True when this host enabled the bridge and it still is: an amplifier may have restarted."""
+        return name in self.enabled and (await self.amplifiers[name].status()).enabled
 
     async def _give_up(self, names: list[str]) -> None:
         """Disable as far as that goes; what kept the head from being enabled is told, not what follows."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from medusa.axis import ArmedMove, Axis
-from medusa.errors import CommandError, DeviceFault
+from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.faults import Fault, FaultHub, HeadFault
 from medusa.mc3000 import Board, BoardEvent, Flags, Operation
 from medusa.snapshots import HeadSnapshot, SnapshotReader
@@ -91,19 +91,27 @@ class Moves:
         end = self._faults.subscribe(note)
         try:
             return await self._run(targets, speeds, before, fault, stops)
-        except HeadFault as error:
-            also = await self._stopped_by_fault()
-            raise HeadFault(error.cause, also) from None
-        except CommandError:
-            if stops == self.stops:
-                await self._stop()
+        except MedusaError as error:
+            await self._stopped(error, fault, stops)
             raise
         except BaseException:
-            # Cancelled, unheard or refused half-way: whatever began comes to rest before anybody hears of it.
+            # Cancelled half-way: whatever began comes to rest before anybody hears of it.
             await asyncio.shield(asyncio.ensure_future(self._stop()))
             raise
         finally:
             end()
+
+    async def _stopped(self, error: MedusaError, fault: "asyncio.Future[Fault]", stops: int) -> None:
+        """Bring everything to rest after an error; raises what tells most about its cause."""
+        if fault.done():
+            also = await self._stopped_by_fault()
+            raise HeadFault(fault.result(), also) from (None if isinstance(error, HeadFault) else error)
+        if stops != self.stops:
+            return
+        try:
+            await self._stop()
+        except MedusaError as unconfirmed:
+            raise DeviceFault(f"{error}; {unconfirmed}", axis=getattr(unconfirmed, "axis", None)) from error
 
     def _check(self, name: str, angle: float, speeds: Speeds) -> None:
         if name not in self._axes:

@@ -73,8 +73,16 @@ class Stopping:
     async def _stop_board(self, board: Board) -> None:
         for name in self.names_on(board.address):
             self._axes[name].note_stopping()
+        await self._greeted(board)
         await board.stop()
         await self.confirm(board, is_stopped)
+
+    async def _greeted(self, board: Board) -> None:
+        """A restarted board is greeted by the line at once, which idles it: wait for that, then look."""
+        for _ in range(round(self._deadline / READ_BACK_SECONDS)):
+            if not board.awaits_greeting:
+                return
+            await asyncio.sleep(READ_BACK_SECONDS)
 
     async def emergency_stop(self) -> None:
         """Stop everything at once by broadcast and to each address, and confirm that all idle and stand.
@@ -160,4 +168,7 @@ class Stopping:
 
 
 def _told(failures: list[tuple[Board, BaseException]]) -> str:
-    return "; ".join(f"board {board.address:02X}H: {error}" for board, error in failures)
+    told: dict[str, list[str]] = {}
+    for board, error in failures:
+        told.setdefault(str(error), []).append(f"{board.address:02X}H")
+    return "; ".join(f"board {', '.join(boards)}: {error}" for error, boards in told.items())

@@ -15,7 +15,7 @@ from medusa.config import HeadConfig
 from medusa.errors import MedusaError
 from medusa.faults import Fault, FaultHub, FaultKind
 from medusa.joint import VELOCITY_MODES
-from medusa.mc3000 import Board, Mode
+from medusa.mc3000 import Board, Inputs, Mode
 from medusa.servo_amp import Amplifier
 from medusa.snapshots import HeadSnapshot, SnapshotReader
 
@@ -25,6 +25,7 @@ FEEDS_PER_TIMEOUT = 3
 """A watchdog is fed three times a period, so that one lost frame and its repeat do not trip it."""
 STALL_SECONDS = 0.1
 STALL_RATIO = 0.5
+EARLY_SECONDS = 1e-6
 STALL_LOOK_SECONDS = 0.02
 LOOK_SECONDS = (0.01, 0.25)
 
@@ -98,17 +99,24 @@ class Supervision:
         period = self._safety.board_watchdog_ms / 1000 / FEEDS_PER_TIMEOUT
 
         async def feed(board: Board) -> None:
-            # Every answered request feeds; a ping goes out only when nothing else was heard. It is an
-            # addressed one, whose reply shows that the host still hears whom it keeps in motion.
+            # Every answered request feeds; one is made up only when nothing else was heard. It is an
+            # addressed one, whose reply shows that the host still hears whom it keeps in motion, and it is
+            # no PING, which a restarted board answers as if nothing had happened.
+            heard = True
             while True:
                 wait = board.heard + period - loop.time()
-                if wait > 1e-6:
+                if not board.may_move:
+                    wait = period
+                if wait > EARLY_SECONDS:
                     await asyncio.sleep(wait)
                     continue
                 try:
-                    await board.ping()
+                    await board.inputs(0)
+                    heard = True
                 except MedusaError as error:
-                    log.warning("board %02XH not fed: %s", board.address, error)
+                    if heard:
+                        log.warning("board %02XH not fed: %s", board.address, error)
+                    heard = False
                     await asyncio.sleep(period)
 
         await asyncio.gather(*(feed(board) for board in self._boards.values()))
@@ -120,15 +128,24 @@ class Supervision:
             await asyncio.sleep(period)
             for name, amplifier in self._amplifiers.items():
                 try:
-                    status = await amplifier.status()
+                    faults = (await amplifier.status()).faults
+                    kind, reason = FaultKind.AMPLIFIER, f"amplifier fault: {', '.join(faults)}"
                 except MedusaError as error:
-                    log.warning("%s: amplifier not fed: %s", name, error)
-                    continue
-                if not status.faults:
+                    faults = ("not heard",)
+                    kind, reason = FaultKind.LOST, f"amplifier not heard: {error}"
+                if not faults:
                     reported.discard(name)
                 elif name not in reported:
                     reported.add(name)
-                    self._report(name, FaultKind.AMPLIFIER, f"amplifier fault: {', '.join(status.faults)}")
+                    if kind is FaultKind.LOST or not await self._told_by_board(name):
+                        self._report(name, kind, reason)
+
+    async def _told_by_board(self, name: str) -> bool:
+        axis = self._axes[name]
+        try:
+            return bool(await axis.board.inputs(axis.channel) & Inputs.FAULT_LATCHED)
+        except MedusaError:
+            return False
 
     def _report(self, name: str, kind: FaultKind, reason: str) -> None:
         now = asyncio.get_running_loop().time()

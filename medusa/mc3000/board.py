@@ -38,6 +38,7 @@ class Board:
         self.session = session
         self.clock = BoardClock()
         self.heard = float("-inf")
+        session.on_restart(lambda restarted: self.clock.reset())
         session.name_operations({operation: operation.name for operation in Operation})
         self._seconds_per_byte = BITS_PER_BYTE / baud
 
@@ -70,6 +71,12 @@ class Board:
     def may_move(self) -> bool:
         """True from `open` until the board restarts or is lost."""
         return self.session.may_move
+
+    @property
+    def awaits_greeting(self) -> bool:
+        """True while the line is there but the board, restarted, has not been greeted again yet."""
+        session = self.session
+        return session.line.is_open and not session.is_open and not session.is_silent
 
     async def open(self) -> Hello:
         """Greet the board, after which it stands with its watchdog off, and let every event through."""
