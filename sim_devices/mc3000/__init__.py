@@ -1,0 +1,1 @@
+"""The emulated MC3000 three-axis servo board."""

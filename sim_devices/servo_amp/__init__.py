@@ -1,0 +1,1 @@
+"""The emulated PWM servo amplifiers and their multidrop line."""
