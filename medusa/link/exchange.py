@@ -177,8 +177,7 @@ class Exchange:
             return None if live or self._ghosts else first
         if len(live) + len(self._ghosts) >= WINDOW:
             return None
-        oldest = next((request for request in live if request.repeatable), None)
-        if oldest is not None and self._sent - oldest.order >= SENT_AFTER_REPEATABLE:
+        if any(request.repeatable and self._forgettable(request) for request in live):
             return None
         earlier: list[Request] = []
         for request in self._waiting:
@@ -194,6 +193,10 @@ class Exchange:
             earlier.append(request)
         return None
 
+    def _forgettable(self, request: Request) -> bool:
+        """Whether one more request could push it out of the eight that the device remembers."""
+        return self._sent - request.order >= SENT_AFTER_REPEATABLE
+
     def _send(self, request: Request, now: float) -> bool:
         if request.urgent:
             number: int | None = self._numbers.take_anyway(now)
@@ -204,9 +207,10 @@ class Exchange:
             return False
         if request.urgent:
             for other in self._live.values():
-                other.final |= self._sent - other.order >= SENT_AFTER_REPEATABLE
+                other.final |= self._forgettable(other)
+        # A live one sent earlier may act later, by a repeat: it counts like one sent after this.
         self._sent += 1
-        request.order = self._sent
+        request.order = self._sent - len(self._live)
         request.number = number
         request.sendings = 1
         request.frame = encode_frame(
