@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from perception.camera.errors import CameraError
 from perception.camera.frame import Camera, Frame
 
+_RETRY_S = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class FramePair:
@@ -51,7 +53,8 @@ class Pairing:
 
     def overdue(self, now: float) -> FramePair | None:
         """The oldest frame that has waited long enough, alone."""
-        late = [(since, side) for side, (_, since) in self._waiting.items() if now - since >= self.patience]
+        # The same sum as next_due, or rounding would wake the waiter for nothing.
+        late = [(since, side) for side, (_, since) in self._waiting.items() if now >= since + self.patience]
         if not late:
             return None
         side = min(late)[1]
@@ -75,13 +78,18 @@ async def paired(left: Camera, right: Camera, *, bound: float, patience: float) 
     loop = asyncio.get_running_loop()
 
     async def pump(side: int, camera: Camera) -> None:
+        newest: Frame | None = None
         while True:
             try:
-                async for frame in camera.frames():
-                    news.put_nowait((side, frame))
+                missed = camera.latest()
+                if newest is not None and missed is not None and missed is not newest:
+                    newest = missed
+                    news.put_nowait((side, missed))
+                async for newest in camera.frames():
+                    news.put_nowait((side, newest))
             except CameraError as error:
                 news.put_nowait((side, error))
-                await asyncio.sleep(max(patience, 0.05))
+                await asyncio.sleep(max(patience, _RETRY_S))
 
     pumps = [asyncio.create_task(pump(side, camera)) for side, camera in enumerate((left, right))]
     try:

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.camera.errors import CameraLost, CameraNotFound
+from perception.camera.errors import CameraError, CameraLost, CameraNotFound
 from perception.camera.frame import Frame, Image
 from perception.camera.slot import SlotCamera
 from perception.camera.source import Source, pictures_in
@@ -49,6 +49,12 @@ class RecordedCamera(SlotCamera):
             self._player = None
 
     async def _play(self) -> None:
+        try:
+            await self._play_through()
+        except CameraError as error:
+            self.fail(error)
+
+    async def _play_through(self) -> None:
         loop = asyncio.get_running_loop()
         start, sequence = loop.time(), 0
         while True:
@@ -59,8 +65,7 @@ class RecordedCamera(SlotCamera):
                 sequence += 1
             if not self._repeat:
                 await asyncio.sleep(start + sequence * self._period - loop.time())
-                self.fail(CameraLost(f"camera {self.name} has come to its end after {sequence} pictures"))
-                return
+                raise CameraLost(f"camera {self.name} has come to its end after {sequence} pictures")
 
     def _images(self) -> Iterator[Image]:
         if self._source.kind == "folder":

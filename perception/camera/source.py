@@ -31,7 +31,7 @@ def find_source(text: str) -> Source:
     if urlsplit(text).scheme in {"tcp", "udp", "http", "https", "rtsp"}:
         return Source("address", text)
     path = Path(f"/dev/video{text}") if text.isdecimal() else Path(text)
-    if not path.exists() and "/" not in text:
+    if not path.exists() and "/" not in text and not text.isdecimal():
         path = Path("/dev/v4l/by-id") / text
     if path.is_char_device():
         return Source("device", str(path.resolve()))
