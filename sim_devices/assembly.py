@@ -1,4 +1,4 @@
-"""What stands on the bench, from its TOML file: `[head]`, `[[base]]`, baud. Everything is optional."""
+"""What stands on the bench, from its TOML file: `baud`, `[head]`, `[[base]]`. Everything is optional."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,13 +7,18 @@ import msgspec
 
 from sim_devices.bench import Part
 from sim_devices.config import ConfigError, convert, read_toml
+from sim_devices.head import AMPLIFIER_LINE, BOARD_LINE, HeadConfig, HeadMachine
 from sim_devices.labmate import BaseConfig, BaseMachine
 
 
 class BenchConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The bench's file: without one, a base at address 10H on line "labmate"."""
+    """The bench's file: without one, a head and a base as their pages describe them.
+
+    `head = false` leaves the head out, `base = []` the base.
+    """
 
     baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)] = 115200
+    head: HeadConfig | bool = True
     base: list[BaseConfig] = msgspec.field(default_factory=lambda: [BaseConfig()])
 
 
@@ -24,6 +29,8 @@ def read_bench(path: Path | None) -> BenchConfig:
     config = convert(path, read_toml(path), BenchConfig)
     taken = set()
     for n, base in enumerate(config.base):
+        if config.head and base.line in (BOARD_LINE, AMPLIFIER_LINE):
+            raise ConfigError(f"{path}: base[{n}].line = {base.line!r}: is the head's; choose another name")
         if (base.line, base.address) in taken:
             raise ConfigError(
                 f"{path}: base[{n}].address = {base.address}: taken on line {base.line!r} already; "
@@ -34,8 +41,10 @@ def read_bench(path: Path | None) -> BenchConfig:
 
 
 def build_parts(config: BenchConfig, seed: int | None) -> dict[str, Part]:
-    """Build the machines: "base", "base2", …"""
+    """Build the machines: "head", "base", "base2", …"""
     parts: dict[str, Part] = {}
+    if config.head:
+        parts["head"] = HeadMachine(HeadConfig() if config.head is True else config.head, seed)
     for n, base in enumerate(config.base, start=1):
         parts["base" if n == 1 else f"base{n}"] = BaseMachine(base, seed)
     return parts

@@ -19,6 +19,7 @@ BITS_PER_BYTE = 10
 _RECEIVE_BUFFER = 4096
 _FAILED_DEVICE_PAUSE_S = 0.1
 _LEAST_ADVANCE_S = 1e-3
+_WAKE_TOGETHER_S = 4e-3
 
 
 class Device(Protocol):
@@ -259,7 +260,8 @@ class Line:
 
     def _wake(self, t: float) -> None:
         for n, device in enumerate(self.devices):
-            if self._dues[n] > t:
+            # Whoever is due soon comes along: devices in motion then wake together.
+            if self._dues[n] > t + _WAKE_TOGETHER_S:
                 continue
             try:
                 device.advance_to(t)
