@@ -13,8 +13,11 @@ from medusa.config_simulated import simulated_config
 if TYPE_CHECKING:
     from medusa.head import Head
     from medusa.link import Trace
-    from sim_devices.bench import Bench
+    from perception.camera.intrinsics import Intrinsics
+    from perception.camera.slot import SlotCamera
+    from sim_devices.bench import Bench, Part
     from sim_devices.head import HeadMachine
+    from sim_devices.stereo import StereoWorld
 
 PORT_NAME = "simulated"
 """Stands for the port in the homing marks: a pseudo-terminal's path differs from run to run."""
@@ -30,6 +33,7 @@ class SimulatedHead:
     machine: HeadMachine
     bench: Bench
     seed: int | None
+    world: StereoWorld | None = None
 
     def open(
         self, config: HeadConfig | None = None, trace: Trace | None = None
@@ -41,21 +45,78 @@ class SimulatedHead:
             config or self.config, self.boards, self.amps, trace, port_name=PORT_NAME, seed=self.seed
         )
 
+    @asynccontextmanager
+    async def cameras(self, *, stall_after: float = 2.0) -> AsyncIterator[tuple[SlotCamera, SlotCamera]]:
+        """The left and the right camera of the world, exposing; raises ValueError without a world."""
+        from perception.camera.frame import Frame
+        from perception.camera.slot import SlotCamera
+
+        if self.world is None:
+            raise ValueError("simulated_head was started without a world: there is nothing to see")
+        left, right = (
+            SlotCamera("left", stall_after=stall_after),
+            SlotCamera("right", stall_after=stall_after),
+        )
+        async with left, right:
+            ends = [
+                source.deliver_to(
+                    lambda picture, into=into: into.put(  # type: ignore[misc]
+                        Frame(picture.image, picture.stamp, into.name, picture.sequence)
+                    )
+                )
+                for source, into in zip(self.world.cameras.values(), (left, right), strict=True)
+            ]
+            self.world.start()
+            try:
+                yield left, right
+            finally:
+                self.world.stop()
+                for end in ends:
+                    end()
+
+    def intrinsics(self) -> Intrinsics:
+        """What a perfect calibration of either camera would say; raises ValueError without a world."""
+        from perception.camera.intrinsics import Intrinsics
+
+        if self.world is None:
+            raise ValueError("simulated_head was started without a world: it has no cameras")
+        lens = self.world.optics
+        return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy)
+
 
 @asynccontextmanager
 async def simulated_head(
-    seed: int | None = 0, config: Any = None, faults: Any = None, *, baud: int = 115200
+    seed: int | None = 0,
+    config: Any = None,
+    faults: Any = None,
+    *,
+    baud: int = 115200,
+    world: Any = None,
 ) -> AsyncIterator[SimulatedHead]:
     """Start the emulators on the running loop.
 
     `config`: a `sim_devices.head_config.HeadConfig` (friction, backlash, bus voltage …), the pages' values when None;
-    `faults`: a `FaultPlan` for both lines, or one for each of "mc3000" and "servo-amps".
+    `faults`: a `FaultPlan` for both lines, or one for each of "mc3000" and "servo-amps"; `world`: a
+    `sim_devices.worlds.config.WorldConfig`, what the head's cameras see (none without).
     """
     from sim_devices.bench import Bench
     from sim_devices.head import HeadMachine
 
     machine = HeadMachine(config, seed)
-    async with Bench({"head": machine}, seed=seed, baud=baud, faults=faults) as bench:
+    parts: dict[str, Part] = {"head": machine}
+    surroundings = None
+    if world is not None:
+        from sim_devices.stereo import StereoWorld
+
+        surroundings = StereoWorld(world, machine.joint_angles, seed=seed or 0)
+        parts["world"] = surroundings
+    async with Bench(parts, seed=seed, baud=baud, faults=faults) as bench:
         yield SimulatedHead(
-            bench.ports["mc3000"], bench.ports["servo-amps"], simulated_config(), machine, bench, seed
+            bench.ports["mc3000"],
+            bench.ports["servo-amps"],
+            simulated_config(),
+            machine,
+            bench,
+            seed,
+            surroundings,
         )
