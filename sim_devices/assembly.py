@@ -1,4 +1,4 @@
-"""What stands on the bench, from its TOML file: `baud`, `[head]`, `[[base]]`. Everything is optional."""
+"""What stands on the bench, from its TOML file: `baud`, `[head]`, `[world]`, `[[base]]`. Everything is optional."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,16 +9,19 @@ from sim_devices.bench import Part
 from sim_devices.config import ConfigError, convert, read_toml
 from sim_devices.head import AMPLIFIER_LINE, BOARD_LINE, HeadConfig, HeadMachine
 from sim_devices.labmate import BaseConfig, BaseMachine
+from sim_devices.stereo import StereoWorld
+from sim_devices.worlds.config import WorldConfig
 
 
 class BenchConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The bench's file: without one, a head and a base as their pages describe them.
 
-    `head = false` leaves the head out, `base = []` the base.
+    `head = false` leaves the head out (and its world), `base = []` the base, `world = false` the cameras.
     """
 
     baud: Annotated[int, msgspec.Meta(ge=300, le=4_000_000)] = 115200
     head: HeadConfig | bool = True
+    world: WorldConfig | bool = True
     base: list[BaseConfig] = msgspec.field(default_factory=lambda: [BaseConfig()])
 
 
@@ -41,10 +44,14 @@ def read_bench(path: Path | None) -> BenchConfig:
 
 
 def build_parts(config: BenchConfig, seed: int | None) -> dict[str, Part]:
-    """Build the machines: "head", "base", "base2", …"""
+    """Build the machines: "head", "world" (what the head sees), "base", "base2", …"""
     parts: dict[str, Part] = {}
     if config.head:
-        parts["head"] = HeadMachine(HeadConfig() if config.head is True else config.head, seed)
+        head = HeadMachine(HeadConfig() if config.head is True else config.head, seed)
+        parts["head"] = head
+        if config.world:
+            world = WorldConfig() if config.world is True else config.world
+            parts["world"] = StereoWorld(world, head.joint_angles, seed=seed or 0)
     for n, base in enumerate(config.base, start=1):
         parts["base" if n == 1 else f"base{n}"] = BaseMachine(base, seed)
     return parts

@@ -40,9 +40,9 @@ def run(
     speed: Annotated[float, typer.Option(metavar="X", help="Seconds of the bench in one second.")] = 1.0,
     log: Annotated[str, typer.Option(help="debug, info, warning or error.")] = "warning",
 ) -> None:
-    """Serve DIR/mc3000, DIR/servo-amps and DIR/labmate until SIGINT or SIGTERM.
+    """Serve DIR/mc3000, DIR/servo-amps, DIR/labmate and both cameras until SIGINT or SIGTERM.
 
-    Prints a line for each port, then "ready".
+    Prints a line for each port and camera, then "ready".
     """
     from sim_devices.assembly import read_bench
     from sim_devices.config import ConfigError, Faults, read_faults

@@ -4,12 +4,15 @@ import asyncio
 import logging
 import signal
 from collections.abc import Callable
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 from sim_devices.assembly import BenchConfig, build_parts
 from sim_devices.bench import Bench, UnknownVerb
 from sim_devices.config import Faults, Incident
 from sim_devices.control import ControlServer
+from sim_devices.stereo import StereoWorld
+from sim_devices.stream import CameraStream
 
 logger = logging.getLogger(__name__)
 
@@ -24,10 +27,17 @@ async def serve(
         loop.add_signal_handler(number, ended.set)
     bench = Bench(build_parts(config, seed), seed=seed, baud=config.baud, faults=faults.line, links=links)
     check_script(bench, faults)
-    async with ControlServer(bench, links), bench:
+    async with ControlServer(bench, links), bench, AsyncExitStack() as streams:
         timers = [loop.call_later(incident.time_s, _happen, bench, incident) for incident in faults.at]
         for name, path in bench.ports.items():
             announce(f"{name} {path}")
+        for world in bench.parts.values():
+            if isinstance(world, StereoWorld):
+                for side, camera in world.cameras.items():
+                    stream = CameraStream(camera, world.config.cameras.port(side))
+                    announce(f"camera-{side} {(await streams.enter_async_context(stream)).url}")
+                world.start()
+                streams.callback(world.stop)
         announce("ready")
         await ended.wait()
         for timer in timers:

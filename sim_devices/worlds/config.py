@@ -53,6 +53,12 @@ class CamerasConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     right_offset_m: Triple = (0.0, 0.0, 0.0)
     left_mount_deg: Triple = (0.0, 0.0, 0.0)
     right_mount_deg: Triple = (0.0, 0.0, 0.0)
+    left_port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = 0
+    right_port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = 0
+
+    def port(self, side: str) -> int:
+        """The TCP port one side is served on; 0 takes a free one."""
+        return self.left_port if side == "left" else self.right_port
 
 
 class WorldConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
