@@ -1,6 +1,7 @@
 """The thin loop beside the gaze behaviours: cameras in, joints out, and a head that stands whatever ends it."""
 
 import asyncio
+import contextlib
 import logging
 import math
 from collections.abc import Callable, Sequence
@@ -39,12 +40,13 @@ class Gaze(Protocol):
 class LoopSettings:
     """Times in seconds.
 
-    command_period: between two looks at the head, each with its commands. pair_bound: two pictures exposed at
-    most so far apart are a pair; pair_patience: how long one waits for the other. too_late: an older picture
-    says nothing any more. search: where to look, in turn, for a target that was not seen for search_after.
+    command_period: the longest time between two looks at the head, each with its commands; a picture brings
+    one at once. pair_bound: two pictures exposed at most so far apart are a pair; pair_patience: how long one
+    waits for the other. too_late: an older picture says nothing any more. search: where to look, in turn, for
+    a target that was not seen for search_after.
     """
 
-    command_period: float = 0.04
+    command_period: float = 0.02
     pair_bound: float = 0.005
     pair_patience: float = 0.03
     too_late: float = 0.6
@@ -94,6 +96,7 @@ class GazeLoop:
         self._on_pair = on_pair
         self._history = JointHistory()
         self._pairs: asyncio.Queue[FramePair] = asyncio.Queue()
+        self._news = asyncio.Event()
         self._fault: Fault | None = None
         self._blind_until = -math.inf
         self._last_seen = -math.inf
@@ -137,8 +140,14 @@ class GazeLoop:
                 snapshot.time, Joints.from_axes({n: j.angle for n, j in snapshot.joints.items()})
             )
             await self._decide(snapshot)
-            due = max(due + self._settings.command_period, loop.time())
-            await asyncio.sleep(due - loop.time())
+            if loop.time() >= due:
+                due = max(due + self._settings.command_period, loop.time())
+            if self._pairs.empty():
+                # A picture is acted on when it comes, not when the next command would have been due.
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout_at(due):
+                        await self._news.wait()
+            self._news.clear()
 
     async def _decide(self, snapshot: HeadSnapshot) -> None:
         loop = asyncio.get_running_loop()
@@ -227,7 +236,9 @@ class GazeLoop:
             *self._cameras, bound=self._settings.pair_bound, patience=self._settings.pair_patience
         ):
             self._pairs.put_nowait(pair)
+            self._news.set()
 
     def _note_fault(self, fault: Fault) -> None:
         if fault.stops_head and self._fault is None:
             self._fault = fault
+            self._news.set()

@@ -42,9 +42,11 @@ class PredictiveSettings:
     """
 
     command_period: float
-    acceleration: float = 0.4
+    acceleration: float = 0.1
     approach: float = 0.05
     servo_lag: float = 1 / 170
+    action_delay: float = 0.01
+    stiffness: float = 25.0
     catch_up: float = 0.06
     patience: float = 0.5
     distance: float = 1.5
@@ -60,6 +62,7 @@ class PredictiveGaze:
         self._elevation = ConstantVelocityFilter(settings.acceleration)
         self._nearness = ConstantVelocityFilter(settings.approach)
         self._landed = -math.inf
+        self._rates = Joints(0.0, 0.0, 0.0, 0.0)
 
     def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command:
         """Decide at `now`, the axes' command angles being `joints`; a sighting is taken in when there is a new one."""
@@ -70,26 +73,33 @@ class PredictiveGaze:
             return Hold("no target has been seen")
         if now - max(seen, self._landed) > self._settings.patience:
             self.forget()
+            self._rates = Joints(0.0, 0.0, 0.0, 0.0)
             return Hold(f"the target has not been seen for {self._settings.patience:g} s")
         period, lag = self._settings.command_period, self._settings.servo_lag
-        here, _ = self._limits.confine(self._wanted(now + lag, joints))
+        acting = now + self._settings.action_delay
+        ahead = Joints(
+            *(q + r * self._settings.action_delay for q, r in zip(joints, self._rates, strict=True))
+        )
+        here, limited = self._limits.confine(self._wanted(acting + lag, joints))
         azimuth = self._azimuth.predict(now).value
         if self._settings.coordination.wants_neck_saccade(joints.pan, azimuth):
             return Saccade(self._landing(now, joints, azimuth), "neck to a comfortable position")
-        if max(abs(w - q) for w, q in zip(here[1:], joints[1:], strict=True)) > self._settings.catch_up:
+        if max(abs(w - q) for w, q in zip(here[1:], ahead[1:], strict=True)) > self._settings.catch_up:
             return Saccade(self._landing(now, joints, None), "target ahead of the fovea")
-        wanted, limited = self._limits.confine(self._wanted(now + period + lag, joints))
-        rates = Joints(
+        there, _ = self._limits.confine(self._wanted(acting + period + lag, joints))
+        stiffness = self._settings.stiffness
+        self._rates = Joints(
             *(
-                min(max((w - q) / period, -speed), speed)
-                for w, q, speed in zip(wanted, joints, self._limits.speed, strict=True)
+                min(max((later - w) / period + stiffness * (w - q), -speed), speed)
+                for later, w, q, speed in zip(there, here, ahead, self._limits.speed, strict=True)
             )
         )
-        return Pursue({name: Velocity(rate) for name, rate in rates.as_axes().items()}, limited)
+        return Pursue({name: Velocity(rate) for name, rate in self._rates.as_axes().items()}, limited)
 
     def saccade_ended(self, now: float) -> None:
         """The eyes have landed: nothing was seen on the way, so patience begins anew; the filters just go on."""
         self._landed = now
+        self._rates = Joints(0.0, 0.0, 0.0, 0.0)
 
     def forget(self) -> None:
         """Begin anew with the next sighting."""

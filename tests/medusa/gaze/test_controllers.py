@@ -69,7 +69,7 @@ def run(gaze, target, *, frame_period, command_period, latency, seconds):
 
 
 def predictive(command_period, **changes):
-    settings = PredictiveSettings(command_period, servo_lag=0.0, **changes)
+    settings = PredictiveSettings(command_period, servo_lag=0.0, action_delay=0.0, **changes)
     return PredictiveGaze(settings, GEOMETRY, LIMITS)
 
 
