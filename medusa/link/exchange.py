@@ -11,18 +11,18 @@ when it ends unanswered: its place in the window until its deadline, its number 
 | SILENT   | HELLO, EMERGENCY_STOP    | HELLO sent → GREETING; port lost → CLOSED                        |
 """
 
-from collections import deque
 from enum import Enum, auto
 from typing import Final
 
-from medusa.errors import CommandError, DeviceSilent, MedusaError, NoReply, PortError, Withdrawn
+from medusa.errors import DeviceSilent, MedusaError, PortError
 from medusa.link.events import Inbox, acknowledge
+from medusa.link.failure import BAD_LENGTH, NO_HELLO, Failures
 from medusa.link.frame import EVENT, REPLY, REQUEST, Message, encode_frame
 from medusa.link.messages import EMERGENCY_STOP, HELLO
 from medusa.link.numbers import SequenceNumbers
 from medusa.link.owner import Counters, Owner
-from medusa.link.refusal import NO_HELLO, describe, refusal
 from medusa.link.request import Request
+from medusa.link.waiting import Waiting
 
 WINDOW: Final = 4
 SENT_AFTER_REPEATABLE: Final = 7
@@ -49,15 +49,18 @@ class Exchange:
         self.state = State.CLOSED
         self.counters = Counters()
         self.due = NEVER
+        self.event_size: int | None = None
         self._owner = owner
+        self._errors = Failures(address, owner.name)
         self._before = State.CLOSED
-        self._waiting: deque[Request] = deque()
+        self._waiting = Waiting()
         self._live: dict[int, Request] = {}
         self._ghosts: list[Request] = []
         self._numbers = SequenceNumbers()
         self._inbox = Inbox()
         self._sent = 0
         self._unheard_since: float | None = None
+        self._gave_up = False
 
     def submit(self, request: Request, now: float) -> None:
         """Take a request in: it is sent now, later, or finished with an error."""
@@ -100,8 +103,11 @@ class Exchange:
         if message.kind == REPLY:
             request = self._live.get(message.sequence)
             self._unheard_since = None
+            self._gave_up = False
             if request is None or not _answers(message, request):
                 self._late(message, now)
+            elif _is_damaged(message, request):
+                self._damaged(message, request, now)
             else:
                 del self._live[message.sequence]
                 self._numbers.answered(message.sequence, now, request.sendings - 1)
@@ -125,6 +131,9 @@ class Exchange:
             if request.due <= now:
                 self._overdue(request, now)
         self._ghosts = [ghost for ghost in self._ghosts if ghost.due > now]
+        if not (self._live or self._ghosts or self._gave_up):
+            # Only what was cancelled is unanswered: one lost frame is no silence.
+            self._unheard_since = None
         self._pump(now)
         for request in (*self._live.values(), *self._ghosts):
             self.due = min(self.due, request.due)
@@ -142,14 +151,10 @@ class Exchange:
     def _admits(self, request: Request) -> bool:
         if self.state is State.GREETING or request.operation in (HELLO, EMERGENCY_STOP):
             return True
-        asked = describe(self.address, request, self._owner.name(request.operation))
         if self.state is State.SILENT:
-            error: MedusaError = DeviceSilent(f"{asked}: the device is silent", may_have_acted=False)
+            self._owner.finish(request, self._errors.silent(request, "the device is silent"))
         else:
-            error = CommandError(
-                f"{asked}: no session is open", operation=request.operation, axis=request.axis
-            )
-        self._owner.finish(request, error)
+            self._owner.finish(request, self._errors.no_session(request))
         return False
 
     def _may_interrupt(self, request: Request, now: float) -> bool:
@@ -164,34 +169,14 @@ class Exchange:
 
     def _pump(self, now: float) -> None:
         while self._waiting and self.state is not State.GREETING:
-            request = self._sendable()
-            if request is None or not self._send(request, now):
+            live = self._live.values()
+            request = self._waiting.next(live, len(live) + len(self._ghosts), WINDOW)
+            if request is None:
+                return
+            held = any(other.repeatable and self._forgettable(other) for other in live)
+            if held or not self._send(request, now):
                 return
             self._waiting.remove(request)
-
-    def _sendable(self) -> Request | None:
-        """Return the first waiting request that nothing holds back."""
-        live = self._live.values()
-        first = self._waiting[0]
-        if first.operation == HELLO:
-            return None if live or self._ghosts else first
-        if len(live) + len(self._ghosts) >= WINDOW:
-            return None
-        if any(request.repeatable and self._forgettable(request) for request in live):
-            return None
-        earlier: list[Request] = []
-        for request in self._waiting:
-            if request.operation == HELLO:
-                return None
-            held = (
-                any(request.depends_on(other) for other in live)
-                or any(request.depends_on(other) or (request.moves and other.stops) for other in earlier)
-                or (request.stops and any(other.moves for other in live))
-            )
-            if not held:
-                return request
-            earlier.append(request)
-        return None
 
     def _forgettable(self, request: Request) -> bool:
         """Whether one more request could push it out of the eight that the device remembers."""
@@ -251,12 +236,20 @@ class Exchange:
         if message.axis == 0:
             self._owner.finish(request, message.payload)
             return
-        error = refusal(message, request, self._owner.name(request.operation))
+        error = self._errors.refused(request, message)
         self._owner.finish(request, error)
         if message.axis == NO_HELLO and self.state is State.OPEN:
             self.state = State.CLOSED
             self._drop_waiting(f"device {self.address:02X}H has restarted")
             self._owner.lost(error)
+
+    def _damaged(self, message: Message, request: Request, now: float) -> None:
+        """A frame whose 00 was hit runs into the next one and its CRC still fits: only lengths tell it."""
+        self.counters.damaged += 1
+        request.damaged = message
+        request.times_damaged += 1
+        if message.axis == BAD_LENGTH:
+            self._repeat(request, now)
 
     def _late(self, message: Message, now: float) -> None:
         self.counters.late_replies += 1
@@ -268,6 +261,10 @@ class Exchange:
         if self.state is not State.OPEN:
             self.counters.events_dropped += 1
             return
+        if self.event_size not in (None, len(message.payload)):
+            # Not acknowledged, it comes again whole.
+            self.counters.damaged += 1
+            return
         self._owner.send(encode_frame(acknowledge(message)))
         event = self._inbox.accept(message)
         if event is None:
@@ -278,17 +275,21 @@ class Exchange:
 
     def _overdue(self, request: Request, now: float) -> None:
         stuck = self._owner.unsend(request.frame)
-        overruled = request.moves and any(other.stops for other in self._waiting)
+        overruled = request.moves and self._waiting.has_stop()
         if overruled:
             self._withdraw(request, now)
         elif request.repeatable and not stuck:
-            request.sendings += 1
-            self.counters.repeats += 1
-            self._put_on_line(request, now)
+            self._repeat(request, now)
         else:
             gone = request.sendings > 1 or not stuck
+            self._gave_up = True
             reason = f"no answer to {request.sendings} sendings" if gone else "the port takes no bytes"
-            self._end(request, now, self._no_reply(NoReply, request, reason, gone))
+            self._end(request, now, self._errors.unanswered(request, reason, gone))
+
+    def _repeat(self, request: Request, now: float) -> None:
+        request.sendings += 1
+        self.counters.repeats += 1
+        self._put_on_line(request, now)
 
     def _withdraw(self, request: Request, now: float) -> None:
         gone = request.sendings > 0
@@ -296,7 +297,7 @@ class Exchange:
             gone = request.sendings > 1
         if gone:
             self._leave_ghost(request, now)
-        self._end(request, now, self._no_reply(Withdrawn, request, "withdrawn for a stop", gone))
+        self._end(request, now, self._errors.withdrawn(request, gone))
 
     def _leave_ghost(self, request: Request, now: float) -> None:
         self._end(request, now, None)
@@ -307,7 +308,7 @@ class Exchange:
         self._unheard_since = None
         for request in [*self._live.values(), *self._waiting]:
             if request.operation not in (HELLO, EMERGENCY_STOP):
-                self._end(request, now, self._no_reply(DeviceSilent, request, reason, request.sendings > 0))
+                self._end(request, now, self._errors.silent(request, reason))
         if self.state is State.GREETING:
             self._before = State.SILENT
         elif self.state is not State.SILENT:
@@ -317,11 +318,7 @@ class Exchange:
     def _drop_waiting(self, reason: str) -> None:
         for request in [r for r in self._waiting if r.operation not in (HELLO, EMERGENCY_STOP)]:
             self._waiting.remove(request)
-            self._owner.finish(request, self._no_reply(NoReply, request, reason, False))
-
-    def _no_reply(self, kind: type[NoReply], request: Request, reason: str, gone: bool) -> NoReply:
-        asked = describe(self.address, request, self._owner.name(request.operation))
-        return kind(f"{asked}: {reason}", frame=request.frame, may_have_acted=gone)
+            self._owner.finish(request, self._errors.unanswered(request, reason, False))
 
     def _end(self, request: Request, now: float, error: MedusaError | None) -> None:
         """Take a request out of the queue or the window, unanswered; without `error` nobody is told."""
@@ -342,3 +339,10 @@ def _answers(message: Message, request: Request) -> bool:
     if message.operation != request.operation:
         return False
     return request.operation != HELLO or message.axis != 0 or message.payload[:2] == request.payload
+
+
+def _is_damaged(message: Message, request: Request) -> bool:
+    """A reply of the wrong size, or a "bad length" although the host sends only right ones: worth a repeat."""
+    if message.axis == BAD_LENGTH:
+        return request.repeatable
+    return message.axis == 0 and request.reply_size not in (None, len(message.payload))

@@ -32,11 +32,12 @@ class Owner(Protocol):
 
 @dataclass
 class Counters:
-    """What the host saw of one device; `late_replies` were dropped, `stray` are messages no device may send."""
+    """What the host saw of one device; late, damaged and stray messages were dropped."""
 
     requests: int = 0
     repeats: int = 0
     late_replies: int = 0
+    damaged: int = 0
     stray: int = 0
     events: int = 0
     events_repeated: int = 0

@@ -3,6 +3,7 @@
 from asyncio import Future
 from typing import Final
 
+from medusa.link.frame import Message
 from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
 
 MAX_SENDINGS: Final = 3
@@ -13,6 +14,7 @@ class Request:
 
     __slots__ = (
         "axis",
+        "damaged",
         "deadline",
         "due",
         "final",
@@ -24,8 +26,10 @@ class Request:
         "order",
         "payload",
         "reads",
+        "reply_size",
         "sendings",
         "stops",
+        "times_damaged",
         "urgent",
     )
 
@@ -40,6 +44,7 @@ class Request:
         moves: bool = False,
         stops: bool = False,
         urgent: bool | None = None,
+        reply_size: int | None = None,
         future: "Future[bytes] | None" = None,
     ) -> None:
         self.operation = operation
@@ -52,6 +57,9 @@ class Request:
         if urgent is None:
             urgent = self.stops and operation not in (HELLO, CLEAR)
         self.urgent = urgent
+        self.reply_size = reply_size
+        self.damaged: Message | None = None
+        self.times_damaged = 0
         self.future = future
         self.frame = b""
         self.number = -1

@@ -16,6 +16,7 @@ from medusa.link.messages import (
     HELLO,
     OPERATION_NAMES,
     PING,
+    REPLY_SIZES,
     STATISTICS,
     WATCHDOG,
     WHOLE_DEVICE,
@@ -61,6 +62,7 @@ class Session:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due = NEVER
         self._names = dict(OPERATION_NAMES)
+        self._reply_sizes = dict(REPLY_SIZES)
         self._subscribers: list[Callable[[Event], None]] = []
         self._restart_watchers: list[Callable[[MedusaError], None]] = []
         self._loss_watchers: list[Callable[[MedusaError], None]] = []
@@ -119,6 +121,7 @@ class Session:
         moves: bool = False,
         stops: bool = False,
         urgent: bool | None = None,
+        reply_size: int | None = None,
         deadline: float | None = None,
     ) -> bytes:
         """Send one request and return its reply's payload.
@@ -129,6 +132,7 @@ class Session:
         `stops`: STOP, MODE 0, EMERGENCY_STOP, CLEAR: withdraws every unanswered motion first.
         `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0). Who is
         cancelled while waiting for it no longer hears of it, but it is carried through.
+        `reply_size`: bytes in a good reply (default: as told to `name_operations`); another is damage.
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
@@ -157,6 +161,7 @@ class Session:
             moves=moves,
             stops=stops,
             urgent=urgent,
+            reply_size=self._reply_sizes.get(operation) if reply_size is None else reply_size,
             future=future,
         )
         self._exchange.submit(request, loop.time())
@@ -217,9 +222,21 @@ class Session:
         """Let the events of the mask through (bit n: event 40H + n)."""
         await self.request(EVENT_MASK, payload=encode_event_mask(mask))
 
-    def name_operations(self, names: Mapping[int, str]) -> None:
-        """Name the device's own operations for messages and traces."""
+    def name_operations(
+        self,
+        names: Mapping[int, str],
+        *,
+        reply_sizes: Mapping[int, int] | None = None,
+        event_size: int | None = None,
+    ) -> None:
+        """Name the device's own operations, and tell the payload sizes of their good replies and of events.
+
+        With them a frame that ran into the next one, which the CRC does not notice, is dropped and asked for
+        again.
+        """
         self._names.update(names)
+        self._reply_sizes.update(reply_sizes or {})
+        self._exchange.event_size = event_size
 
     def name(self, operation: int) -> str:
         """Return the operation's name for messages."""

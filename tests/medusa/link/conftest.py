@@ -8,11 +8,14 @@ import pytest
 from sim_devices.link.device import Refused
 
 SET, READ, ADD, STOP, RAISE_EVENT, MOVE = 0x30, 0x31, 0x32, 0x33, 0x34, 0x35
-OUT_OF_RANGE = 4
+BAD_LENGTH, OUT_OF_RANGE = 3, 4
 
 
 class Toy:
-    """Counts what acted: `acts` holds (operation, payload) in the order of acting."""
+    """Counts what acted: `acts` holds (operation, payload) in the order of acting.
+
+    `sizes` are the payload sizes it insists on, as devices do.
+    """
 
     device_type = 9
     firmware = 0x0102
@@ -25,6 +28,7 @@ class Toy:
         self.value = 0
         self.moving = False
         self.latched = False
+        self.sizes: dict[int, int] = {}
 
     def attach(self, power_up: float) -> None:
         self.power_up = power_up
@@ -39,6 +43,8 @@ class Toy:
         return None
 
     def execute(self, operation: int, axis: int, payload: bytes) -> bytes:
+        if len(payload) != self.sizes.get(operation, len(payload)):
+            raise Refused(BAD_LENGTH)
         if operation == READ:
             return struct.pack("<i", self.value) + payload
         if operation == SET and payload[:1] == b"\xff":
