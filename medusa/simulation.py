@@ -45,34 +45,13 @@ class SimulatedHead:
             config or self.config, self.boards, self.amps, trace, port_name=PORT_NAME, seed=self.seed
         )
 
-    @asynccontextmanager
-    async def cameras(self, *, stall_after: float = 2.0) -> AsyncIterator[tuple[SlotCamera, SlotCamera]]:
+    def cameras(
+        self, *, stall_after: float = 2.0
+    ) -> AbstractAsyncContextManager[tuple[SlotCamera, SlotCamera]]:
         """The left and the right camera of the world, exposing; raises ValueError without a world."""
-        from perception.camera.frame import Frame
-        from perception.camera.slot import SlotCamera
-
         if self.world is None:
             raise ValueError("simulated_head was started without a world: there is nothing to see")
-        left, right = (
-            SlotCamera("left", stall_after=stall_after),
-            SlotCamera("right", stall_after=stall_after),
-        )
-        async with left, right:
-            ends = [
-                source.deliver_to(
-                    lambda picture, into=into: into.put(  # type: ignore[misc]
-                        Frame(picture.image, picture.stamp, into.name, picture.sequence)
-                    )
-                )
-                for source, into in zip(self.world.cameras.values(), (left, right), strict=True)
-            ]
-            self.world.start()
-            try:
-                yield left, right
-            finally:
-                self.world.stop()
-                for end in ends:
-                    end()
+        return simulated_cameras(self.world, stall_after=stall_after)
 
     def intrinsics(self) -> Intrinsics:
         """What a perfect calibration of either camera would say; raises ValueError without a world."""
@@ -82,6 +61,33 @@ class SimulatedHead:
             raise ValueError("simulated_head was started without a world: it has no cameras")
         lens = self.world.optics
         return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy)
+
+
+@asynccontextmanager
+async def simulated_cameras(
+    world: StereoWorld, *, stall_after: float = 2.0
+) -> AsyncIterator[tuple[SlotCamera, SlotCamera]]:
+    """The left and the right camera of a rendered world, exposing while the context is open."""
+    from perception.camera.frame import Frame
+    from perception.camera.slot import SlotCamera
+
+    left, right = SlotCamera("left", stall_after=stall_after), SlotCamera("right", stall_after=stall_after)
+    async with left, right:
+        ends = [
+            source.deliver_to(
+                lambda picture, into=into: into.put(  # type: ignore[misc]
+                    Frame(picture.image, picture.stamp, into.name, picture.sequence)
+                )
+            )
+            for source, into in zip(world.cameras.values(), (left, right), strict=True)
+        ]
+        world.start()
+        try:
+            yield left, right
+        finally:
+            world.stop()
+            for end in ends:
+                end()
 
 
 @asynccontextmanager

@@ -26,6 +26,7 @@ class TargetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
     kind: Literal["lamp", "texture", "screen", "none"] = "lamp"
     size_m: Positive = 0.12
+    walls: bool = True
     azimuth_deg: PathConfig = PathConfig(kind="sine", amplitude=15.0, frequency_hz=0.1)
     elevation_deg: PathConfig = PathConfig(kind="sine", amplitude=5.0, frequency_hz=0.07)
     distance_m: PathConfig = PathConfig(mean=1.2)

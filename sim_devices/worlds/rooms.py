@@ -89,7 +89,7 @@ def make_world(target: TargetConfig, *, seed: int = 0, light: float = 1.0) -> tu
     surface = None if target.kind == "none" else target_surface(target, seed)
     if surface is not None:
         world.add(surface)
-    if target.kind != "screen":
+    if target.walls and target.kind != "screen":
         world.extend(walls(seed))
     return world, surface
 
