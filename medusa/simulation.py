@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from medusa.config import HeadConfig
 from medusa.config_simulated import simulated_config
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from sim_devices.bench import Bench, Part
     from sim_devices.head import HeadMachine
     from sim_devices.stereo import StereoWorld
+
+T = TypeVar("T")
 
 PORT_NAME = "simulated"
 """Stands for the port in the homing marks: a pseudo-terminal's path differs from run to run."""
@@ -126,3 +128,10 @@ async def simulated_head(
             seed,
             surroundings,
         )
+
+
+def run_virtual(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine to its end in virtual time, as asyncio.run does on the wall clock."""
+    from sim_devices.clock import run_virtual as run
+
+    return run(main)

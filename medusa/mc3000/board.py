@@ -58,6 +58,11 @@ class Board:
         return self._hello().boot_count
 
     @property
+    def firmware(self) -> int:
+        """Firmware version of the present session, high byte the major."""
+        return self._hello().firmware
+
+    @property
     def repeats(self) -> int:
         """Requests that the link had to repeat so far."""
         return self.session.counters.repeats

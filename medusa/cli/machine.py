@@ -1,0 +1,218 @@
+"""Commands that look at the machine and move nothing."""
+
+import asyncio
+import math
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from medusa.cli.options import Options
+from medusa.cli.tables import make_table, print_table
+
+if TYPE_CHECKING:
+    from medusa.head import Head
+    from medusa.snapshots import HeadSnapshot
+
+raw = typer.Typer(
+    no_args_is_help=True, help="Read or write registers of an axis chip. Knows no limits: see the page."
+)
+
+
+def register(app: typer.Typer) -> None:
+    for command in (info, status, amps, monitor):
+        app.command()(command)
+    app.add_typer(raw, name="raw")
+
+
+def info(context: typer.Context) -> None:
+    """What is connected: boards, firmware, boot counts, amplifiers."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            boards = [
+                {
+                    "board": f"{address:02X}H",
+                    "firmware": f"{board.firmware >> 8}.{board.firmware & 0xFF}",
+                    "boot_count": board.boot_count,
+                    "clock_hz": board.clock_hz,
+                    "axes": ", ".join(n for n, a in head.axes.items() if a.board is board),
+                }
+                for address, board in head.boards.items()
+            ]
+            amplifiers = [
+                {"axis": name, "amplifier": f"{a.address:02X}H", "name": await a.name()}
+                for name, a in head.amplifiers.items()
+            ]
+
+        def render() -> None:
+            print_table("boards", boards)
+            print_table("amplifiers", amplifiers)
+
+        options.show({"boards": boards, "amplifiers": amplifiers}, render)
+
+    options.run(body)
+
+
+def joint_rows(snapshot: "HeadSnapshot") -> list[dict[str, Any]]:
+    """One row a joint; angles that are not known yet are None."""
+    rows = []
+    for name, joint in snapshot.joints.items():
+        angle = None if math.isnan(joint.angle) else round(math.degrees(joint.angle), 4)
+        rows.append(
+            {
+                "axis": name,
+                "homed": joint.homed,
+                "mode": joint.mode.name.lower().replace("_", " "),
+                "angle_deg": angle,
+                "position_counts": joint.position_counts,
+                "command_counts": joint.command_counts,
+                "motor_command": joint.motor_command_counts,
+                "inputs": _flags(joint.inputs),
+            }
+        )
+    return rows
+
+
+def _flags(value: Any) -> str:
+    return ", ".join(str(flag.name).lower().replace("_", " ") for flag in value) or "–"
+
+
+def status(context: typer.Context) -> None:
+    """Where every joint stands, what is latched, what the amplifiers say."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            rows = joint_rows(await head.snapshot())
+            bridges = await _amplifier_rows(head)
+
+        def render() -> None:
+            print_table("joints", rows)
+            if bridges:
+                print_table("amplifiers", bridges)
+
+        options.show({"joints": rows, "amplifiers": bridges}, render)
+
+    options.run(body)
+
+
+async def _amplifier_rows(head: "Head") -> list[dict[str, Any]]:
+    rows = []
+    for name, amplifier in head.amplifiers.items():
+        found = await amplifier.status()
+        rows.append(
+            {
+                "axis": name,
+                "bridge": "enabled" if found.enabled else "braked" if found.braked else "off",
+                "faults": ", ".join(found.faults) or "–",
+                "drive": ", ".join(sorted(found.drive_1 | found.drive_2)) or "–",
+                "bus_v": round(await amplifier.bus_voltage(), 1),
+                "current_a": round(await amplifier.current(), 3),
+                "speed_counts_s": round(await amplifier.velocity_counts_s(), 1),
+            }
+        )
+    return rows
+
+
+def amps(context: typer.Context) -> None:
+    """What the servo amplifiers say: bridge, faults, bus voltage, current, speed."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            rows = await _amplifier_rows(head)
+        options.show({"amplifiers": rows}, lambda: print_table("amplifiers", rows))
+
+    options.run(body)
+
+
+def monitor(
+    context: typer.Context,
+    rate: float = typer.Option(10.0, min=0.1, max=100.0, help="Looks a second."),
+    seconds: float = typer.Option(0.0, min=0.0, help="For how long; 0: until Ctrl-C."),
+) -> None:
+    """A live table of the joints. With --json, the last look when it ends."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        loop = asyncio.get_running_loop()
+        rows: list[dict[str, Any]] = []
+        async with options.head() as (head, _):
+            end = loop.time() + (seconds or math.inf)
+            console = Console(stderr=options.json)
+            with Live(console=console, auto_refresh=False) as live:
+                async for snapshot in head.snapshots(rate):
+                    rows = joint_rows(snapshot)
+                    live.update(make_table(f"joints at {snapshot.time:.1f} s", rows), refresh=True)
+                    if loop.time() >= end:
+                        break
+        options.show({"joints": rows}, lambda: None)
+
+    # A table that nobody has time to read is none: the simulated head runs on the wall clock here.
+    options.run(body, realtime=seconds == 0.0)
+
+
+@raw.command()
+def read(
+    context: typer.Context,
+    axis: str = typer.Argument(..., help="Which joint's chip."),
+    register: str = typer.Argument(..., help="First address, hexadecimal: 0E or 0x0E."),
+    count: int = typer.Argument(1, min=1, max=8, help="How many registers."),
+) -> None:
+    """Read registers, in ascending order of address."""
+    options: Options = context.obj
+    first = _byte(options, register)
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            joint = _joint(head, axis)
+            values = await joint.board.read(joint.channel, first, count)
+        options.show(
+            {"axis": axis, "register": first, "values": list(values)},
+            lambda: print(" ".join(f"{first + i:02X}H={value:02X}H" for i, value in enumerate(values))),
+        )
+
+    options.run(body)
+
+
+@raw.command()
+def write(
+    context: typer.Context,
+    axis: str = typer.Argument(..., help="Which joint's chip."),
+    register: str = typer.Argument(..., help="First address, hexadecimal."),
+    values: list[str] = typer.Argument(..., help="One to eight bytes, hexadecimal."),
+) -> None:
+    """Write registers, all before the next sample; the board refuses what its page refuses."""
+    options: Options = context.obj
+    first = _byte(options, register)
+    data = bytes(_byte(options, value) for value in values)
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            joint = _joint(head, axis)
+            await joint.board.write(joint.channel, first, data)
+        options.show({"axis": axis, "register": first, "written": list(data)}, lambda: print("written"))
+
+    options.run(body)
+
+
+def _byte(options: Options, text: str) -> int:
+    try:
+        value = int(text, 16)
+    except ValueError:
+        value = -1
+    if not 0 <= value <= 0xFF:
+        options.fail(f"{text!r} is not a hexadecimal byte, 00 to FF", 2)
+    return value
+
+
+def _joint(head: "Head", name: str) -> Any:
+    from medusa.errors import CommandError
+
+    if name not in head.axes:
+        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(head.axes)}")
+    return head.axes[name]

@@ -1,0 +1,200 @@
+"""Commands that move the head, or keep it from moving."""
+
+import asyncio
+import math
+from typing import Annotated, Any
+
+import typer
+
+from medusa.cli.options import Options
+from medusa.cli.tables import print_table
+
+AXES = "pan, tilt, left_vergence, right_vergence"
+
+
+def register(app: typer.Typer) -> None:
+    for command in (check, home, move, jog, stop, estop, clear, park):
+        app.command()(command)
+
+
+def check(context: typer.Context, axis: str = typer.Argument(..., help=f"One of {AXES}.")) -> None:
+    """The first thing to do on hardware: short open-loop pulses, and the counts must follow with the right sign."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        from medusa.check import check_axis
+
+        async with options.head() as (head, _):
+            _known(head, axis)
+            found = await check_axis(head, axis)
+        document = {
+            "axis": axis,
+            "motor_command_counts": found.motor_command_counts,
+            "forward_counts": found.forward_counts,
+            "backward_counts": found.backward_counts,
+        }
+        options.show(
+            document,
+            lambda: print(
+                f"{axis}: {found.forward_counts:+d} and {found.backward_counts:+d} counts at"
+                f" ±{found.motor_command_counts} DAC counts; wired as configured"
+            ),
+        )
+
+    options.run(body)
+
+
+def home(
+    context: typer.Context,
+    axes: Annotated[list[str] | None, typer.Argument(help=f"Default all: {AXES}.")] = None,
+) -> None:
+    """Find the home sensors, set the zeros, go to the home angles."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            for name in axes or ():
+                _known(head, name)
+            results = await head.home(axes or None)
+        rows = [
+            {
+                "axis": name,
+                "latched_counts": r.latched_counts,
+                "coarse_error_counts": r.coarse_error_counts,
+                "angle_deg": round(math.degrees(r.angle), 4),
+                "error_counts": r.error_counts,
+                "seconds": round(r.seconds, 3),
+            }
+            for name, r in results.items()
+        ]
+        options.show({"homed": rows}, lambda: print_table("homed", rows))
+
+    options.run(body)
+
+
+def move(
+    context: typer.Context,
+    pan: float = typer.Option(None, help="Degrees, positive left."),
+    tilt: float = typer.Option(None, help="Degrees, positive down."),
+    left: float = typer.Option(None, help="Left eye, degrees, positive left."),
+    right: float = typer.Option(None, help="Right eye, degrees, positive left."),
+) -> None:
+    """Move joints together, each by its own trapezoid, and wait until they rest."""
+    options: Options = context.obj
+    angles = {"pan": pan, "tilt": tilt, "left_vergence": left, "right_vergence": right}
+    targets = {name: angle for name, angle in angles.items() if angle is not None}
+    if not targets:
+        options.fail("nowhere to move: give --pan, --tilt, --left or --right", 2)
+
+    async def body() -> None:
+        async with options.head(homed=True) as (head, _):
+            report = await head.move({name: math.radians(angle) for name, angle in targets.items()})
+        rows = [
+            {
+                "axis": name,
+                "target_deg": round(targets[name], 4),
+                "angle_deg": round(math.degrees(report.snapshot.joints[name].angle), 4),
+                "error_counts": report.errors_counts[name],
+                "profile_ms": round(1e3 * report.planned[name], 1),
+                "settled": report.settled[name],
+            }
+            for name in targets
+        ]
+        document: dict[str, Any] = {"moved": rows, "skew_ms": round(1e3 * report.skew, 3)}
+        options.show(document, lambda: print_table("moved", rows))
+
+    options.run(body)
+
+
+def jog(
+    context: typer.Context,
+    axis: str = typer.Argument(..., help=f"One of {AXES}."),
+    speed: float = typer.Argument(..., help="Degrees per second; the sign is the direction."),
+    seconds: float = typer.Option(1.0, min=0.0, max=600.0, help="For how long; Ctrl-C ends it before."),
+) -> None:
+    """Turn one joint at a speed, and stop it."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head(homed=True) as (head, _):
+            _known(head, axis)
+            faults: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+            end = head.faults.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))
+            try:
+                taken = await head.velocity({axis: math.radians(speed)})
+                options.say(f"{axis}: {math.degrees(taken[axis]):+.3f}°/s for {seconds:g} s")
+                done, _ = await asyncio.wait([faults], timeout=seconds)
+            finally:
+                end()
+            await head.stop()
+            snapshot = await head.snapshot()
+            if done:
+                raise faults.result().error()
+        angle = math.degrees(snapshot.joints[axis].angle)
+        options.show(
+            {"axis": axis, "speed_deg_s": math.degrees(taken[axis]), "angle_deg": angle},
+            lambda: print(f"{axis}: stands at {angle:.3f}°"),
+        )
+
+    options.run(body)
+
+
+def stop(context: typer.Context) -> None:
+    """Stop every joint, confirmed by reading back."""
+    _standing(context.obj, "stop", "every joint stands")
+
+
+def estop(context: typer.Context) -> None:
+    """Emergency stop: everything idle at once and latched, confirmed by reading back; `clear` releases it."""
+    _standing(context.obj, "emergency_stop", "emergency stop latched, every joint idle")
+
+
+def _standing(options: Options, what: str, said: str) -> None:
+    async def body() -> None:
+        async with options.head() as (head, _):
+            await getattr(head, what)()
+        options.show({"confirmed": True}, lambda: print(said))
+
+    options.run(body)
+
+
+def clear(context: typer.Context) -> None:
+    """Release latched stops and faults whose cause is gone; moves nothing."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head() as (head, _):
+            left = {name: str(inputs.name) for name, inputs in (await head.clear()).items()}
+        options.show(
+            {"still_latched": left},
+            lambda: print(
+                "nothing is latched"
+                if not left
+                else "still latched: " + ", ".join(f"{n}: {i}" for n, i in left.items())
+            ),
+        )
+
+    options.run(body)
+
+
+def park(context: typer.Context) -> None:
+    """Move to the park angles, go idle, inhibit the bridges."""
+    options: Options = context.obj
+
+    async def body() -> None:
+        async with options.head(homed=True) as (head, _):
+            report = await head.park()
+        angles = {n: round(math.degrees(j.angle), 4) for n, j in report.snapshot.joints.items()}
+        options.show(
+            {"parked_deg": angles},
+            lambda: print("parked: " + ", ".join(f"{name} {angle:.3f}°" for name, angle in angles.items())),
+        )
+
+    options.run(body)
+
+
+def _known(head: Any, name: str) -> None:
+    from medusa.errors import CommandError
+
+    if name not in head.axes:
+        raise CommandError(f"there is no joint {name!r}; the head has {AXES}")

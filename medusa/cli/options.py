@@ -1,0 +1,192 @@
+"""What every command shares: the options before it, the head they lead to, and how a command ends."""
+
+import asyncio
+import contextlib
+import json as json_module
+import logging
+import signal
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+import typer
+
+if TYPE_CHECKING:
+    from medusa.config import HeadConfig
+    from medusa.head import Head
+    from medusa.link import Trace
+    from medusa.simulation import SimulatedHead
+
+T = TypeVar("T")
+
+_FLAGS = {"--sim", "--json", "--realtime", "--verbose"}
+_VALUES = {"--boards", "--amps", "--config", "--trace", "--seed"}
+_EXIT_CODES = {"caller": 2, "configuration": 3, "port": 4, "line": 5, "device": 6, "unknown": 6}
+
+
+def globals_first(arguments: Sequence[str]) -> list[str]:
+    """The arguments with the options that every command shares before the command, wherever they were typed."""
+    front: list[str] = []
+    rest: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            rest += [word, *words]
+        elif word in _FLAGS or (word.split("=")[0] in _VALUES and "=" in word):
+            front.append(word)
+        elif word in _VALUES:
+            front += [word, *([value] if (value := next(words, None)) is not None else [])]
+        else:
+            rest.append(word)
+    return front + rest
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options before the command."""
+
+    sim: bool = False
+    boards: str | None = None
+    amps: str | None = None
+    config: str | None = None
+    json: bool = False
+    trace: str | None = None
+    seed: int = 0
+    realtime: bool = False
+    verbose: bool = False
+
+    def run(self, body: Callable[[], Coroutine[Any, Any, T]], *, realtime: bool = False) -> T:
+        """Run a command's coroutine on the right clock; every expected error becomes one line and an exit
+        code.
+
+        SIGINT and SIGTERM cancel it, so that the head is stopped and the stop confirmed on the way out.
+        """
+        logging.basicConfig(
+            level=logging.INFO if self.verbose else logging.WARNING,
+            format="%(levelname)s %(message)s",
+            stream=sys.stderr,
+        )
+        from medusa.errors import MedusaError
+        from perception.camera.errors import CameraError
+
+        caught: list[signal.Signals] = []
+        try:
+            if self.sim and not (self.realtime or realtime):
+                from medusa.simulation import run_virtual
+
+                return run_virtual(_cancelled_by_signals(body, caught))
+            return asyncio.run(_cancelled_by_signals(body, caught))
+        except asyncio.CancelledError:
+            number = caught[0] if caught else signal.SIGINT
+            self.fail(f"stopped by {number.name}; the head is at rest", 128 + number)
+        except MedusaError as error:
+            protocol = type(error).__name__ == "ProtocolError"
+            self.fail(str(error), 5 if protocol else _EXIT_CODES[error.fault])
+        except CameraError as error:
+            self.fail(str(error), 4)
+        except OSError as error:
+            self.fail(f"{error.filename or 'i/o'}: {error.strerror or error}", 4)
+
+    def fail(self, message: str, code: int) -> NoReturn:
+        """One line on stderr (and the JSON document, where one is due), and the end."""
+        if self.json:
+            print(json_module.dumps({"error": message, "exit_code": code}))
+        print(f"medusa-ctl: {message}", file=sys.stderr)
+        raise typer.Exit(code)
+
+    def say(self, message: str) -> None:
+        """A line of progress on stderr."""
+        print(message, file=sys.stderr, flush=True)
+
+    def show(self, document: dict[str, Any], render: Callable[[], None]) -> None:
+        """The result: the JSON document, or what `render` prints."""
+        if self.json:
+            print(json_module.dumps(document, indent=1, default=str))
+        else:
+            render()
+
+    def head_config(self) -> "HeadConfig | None":
+        """The configuration that was asked for; None for the simulated head's own. Raises ConfigError."""
+        from medusa.config_file import DEFAULT_FILE, load_config
+        from medusa.errors import ConfigError
+
+        if self.config is not None:
+            return load_config(self.config)
+        if self.sim:
+            return None
+        if not Path(DEFAULT_FILE).exists():
+            raise ConfigError(
+                DEFAULT_FILE,
+                "",
+                None,
+                "does not exist; `medusa-ctl init` writes one, or name one by --config",
+            )
+        return load_config(DEFAULT_FILE)
+
+    def open_trace(self) -> "Trace | None":
+        """The wire trace that was asked for. Raises OSError when its file cannot be made."""
+        if self.trace is None:
+            return None
+        from medusa.link import Trace
+
+        return Trace(self.trace)
+
+    @asynccontextmanager
+    async def head(
+        self, *, homed: bool = False, enable: bool = False, world: Any = None
+    ) -> AsyncIterator["tuple[Head, SimulatedHead | None]"]:
+        """The head, emulated or real, connected and at rest; enabled, or homed, when the command needs that.
+
+        An emulated head has just been switched on: it is homed first, and that is said. A real one is never
+        homed behind one's back. Raises CommandError then.
+        """
+        from medusa.errors import CommandError
+        from medusa.head import Head
+
+        if self.sim and (self.boards or self.amps):
+            raise CommandError("--sim brings its own ports: leave --boards and --amps out")
+        config = self.head_config()
+        trace = self.open_trace()
+        async with AsyncExitStack() as stack:
+            if trace is not None:
+                stack.callback(trace.close)
+            simulated = None
+            if self.sim:
+                from medusa.simulation import simulated_head
+
+                simulated = await stack.enter_async_context(simulated_head(self.seed, world=world))
+                head = await stack.enter_async_context(simulated.open(config, trace))
+            else:
+                if config is None:
+                    raise AssertionError("a real head has a configuration")
+                head = await stack.enter_async_context(Head.open(config, self.boards, self.amps, trace))
+            if homed and self.sim:
+                self.say("simulated head, just switched on: homing it first")
+                await head.home()
+            elif homed:
+                away = [name for name, axis in head.axes.items() if not axis.homed]
+                if away:
+                    raise CommandError(f"{', '.join(away)}: not homed; run `medusa-ctl home` first")
+                await head.enable()
+            elif enable:
+                await head.enable()
+            yield head, simulated
+
+
+async def _cancelled_by_signals(body: Callable[[], Awaitable[T]], caught: list[signal.Signals]) -> T:
+    loop = asyncio.get_running_loop()
+    task = asyncio.current_task()
+
+    def stop(number: signal.Signals) -> None:
+        caught.append(number)
+        if task is not None:
+            task.cancel()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Not available outside the main thread, as in a test runner's worker.
+        with contextlib.suppress(RuntimeError, ValueError):
+            loop.add_signal_handler(number, stop, number)
+    return await body()

@@ -1,0 +1,35 @@
+"""medusa-ctl init: the configuration to fill in."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from medusa.cli.options import Options
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(init)
+
+
+def init(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(help="Where to write it.")] = Path("medusa.toml"),
+    force: bool = typer.Option(False, "--force", help="Replace a file that is there."),
+) -> None:
+    """Write a commented configuration, its hazardous keys empty; with --sim, filled in for the emulated head."""
+    options: Options = context.obj
+
+    if file.exists() and not force:
+        options.fail(f"{file} exists; --force replaces it", 2)
+
+    async def body() -> None:
+        from medusa.check import replace_file
+        from medusa.config_file import template
+        from medusa.config_simulated import simulated_toml
+
+        replace_file(file, simulated_toml() if options.sim else template())
+        options.say(f"wrote {file}" + ("" if options.sim else "; fill in the keys that are empty"))
+        options.show({"file": str(file)}, lambda: None)
+
+    options.run(body)

@@ -1,0 +1,40 @@
+"""Tables for people."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def make_table(title: str, rows: Sequence[Mapping[str, Any]]) -> "Table":
+    """A table with a column a key, numbers to the right."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for key in rows[0] if rows else ():
+        numbers = all(
+            isinstance(row[key], int | float | None) and not isinstance(row[key], bool) for row in rows
+        )
+        table.add_column(key.replace("_", " "), justify="right" if numbers else "left", no_wrap=key == "axis")
+    for row in rows:
+        table.add_row(*(_cell(value) for value in row.values()))
+    return table
+
+
+def print_table(title: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print a table on stdout."""
+    from rich.console import Console
+
+    Console().print(make_table(title, rows))
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return str(value)
