@@ -127,8 +127,13 @@ class Channel:
         joint = self.joint
         while joint.due <= t:
             due = joint.due
-            self.settle(due)
+            self._take_samples(due)
+            self._bring(due)
             joint.on_due()
+        self._take_samples(t)
+
+    def _take_samples(self, t: float) -> None:
+        joint = self.joint
         last = int((t - self.origin_time) / TICK_S + _ROUNDING_TICKS)
         if self.running is not None:
             self.next_tick = self.running.send(last)
@@ -144,6 +149,9 @@ class Channel:
     def settle(self, t: float) -> None:
         """Bring shaft and counter to t, also between two samples, and chip and joint up to date."""
         self.advance_to(t)
+        self._bring(t)
+
+    def _bring(self, t: float) -> None:
         self._end_run()
         if t <= self.t:
             return
