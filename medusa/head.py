@@ -244,18 +244,18 @@ class Head:
 
     async def stop(self) -> None:
         """Stop every joint by its ramp, confirmed by reading back; DeviceFault names what is not."""
-        self._moves.stops += 1
+        self._moves.interrupt("the head was stopped on the way")
         await self._stopping.stop()
 
     async def emergency_stop(self) -> None:
         """Idle everything at once and latch it, confirmed by reading back; `clear` releases it."""
-        self._moves.stops += 1
+        self._moves.interrupt("the head was stopped on the way by an emergency stop")
         self._watch.emergency = True
         await self._stopping.emergency_stop()
 
     async def clear(self) -> dict[str, Inputs]:
         """Release what is latched and whose cause is gone; by joint what remains. Moves nothing."""
-        self._moves.stops += 1
+        self._moves.forget_armed()
         for amplifier in self.amplifiers.values():
             await amplifier.reset_events()
         await asyncio.gather(*(board.clear() for board in self.boards.values()))

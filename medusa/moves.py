@@ -49,6 +49,12 @@ class MoveReport:
         return max(self.started.values()) - min(self.started.values()) if self.started else 0.0
 
 
+class MoveStopped(MedusaError):
+    """Somebody stopped the head while a move was running; it stands, or the stop's own error says why not."""
+
+    fault = "caller"
+
+
 class Moves:
     """Runs moves of the head's joints in position mode."""
 
@@ -68,44 +74,61 @@ class Moves:
         self._stop = stop
         self._stopped_by_fault = stopped_by_fault
         self.stops = 0
+        self._running: set[asyncio.Future[MedusaError]] = set()
+
+    def forget_armed(self) -> None:
+        """CLEAR is on its way, which disarms: moves about to begin do not; running ones run on."""
+        self.stops += 1
+
+    def interrupt(self, reason: str) -> None:
+        """A stop is on its way: running moves end with MoveStopped, moves about to begin do not."""
+        self.stops += 1
+        for trouble in self._running:
+            if not trouble.done():
+                trouble.set_result(MoveStopped(reason))
 
     async def run(
         self, targets: Mapping[str, float], speeds: Mapping[str, Speeds] | None = None
     ) -> MoveReport:
         """Move the named joints to their angles (rad) and wait until they rest.
 
-        Raises CommandError before anything moves for a target, speed or mode that does not allow it, and
-        HeadFault with the reason when something stops the head on the way; the head stands then.
+        Raises CommandError before anything moves for a target, speed or mode that does not allow it,
+        HeadFault with the reason when something stops the head on the way (it stands then), and MoveStopped
+        when somebody else stops it.
         """
         stops = self.stops
         speeds = speeds or {}
         for name, angle in targets.items():
             self._check(name, angle, speeds.get(name, Speeds()))
         before = await self._reader.read()
-        fault: asyncio.Future[Fault] = asyncio.get_running_loop().create_future()
+        trouble: asyncio.Future[MedusaError] = asyncio.get_running_loop().create_future()
 
-        def note(happened: Fault) -> None:
-            if happened.stops_head and not fault.done():
-                fault.set_result(happened)
+        def note(fault: Fault) -> None:
+            if fault.stops_head and not trouble.done():
+                trouble.set_result(HeadFault(fault))
 
         end = self._faults.subscribe(note)
+        self._running.add(trouble)
         try:
-            return await self._run(targets, speeds, before, fault, stops)
+            return await self._run(targets, speeds, before, trouble, stops)
         except MedusaError as error:
-            await self._stopped(error, fault, stops)
+            await self._stopped(error, trouble, stops)
             raise
         except BaseException:
             # Cancelled half-way: whatever began comes to rest before anybody hears of it.
             await asyncio.shield(asyncio.ensure_future(self._stop()))
             raise
         finally:
+            self._running.discard(trouble)
             end()
 
-    async def _stopped(self, error: MedusaError, fault: "asyncio.Future[Fault]", stops: int) -> None:
+    async def _stopped(self, error: MedusaError, trouble: "asyncio.Future[MedusaError]", stops: int) -> None:
         """Bring everything to rest after an error; raises what tells most about its cause."""
-        if fault.done():
-            also = await self._stopped_by_fault()
-            raise HeadFault(fault.result(), also) from (None if isinstance(error, HeadFault) else error)
+        if trouble.done():
+            cause = trouble.result()
+            if isinstance(cause, HeadFault):
+                cause = HeadFault(cause.cause, await self._stopped_by_fault())
+            raise cause from (None if isinstance(error, HeadFault | MoveStopped) else error)
         if stops != self.stops:
             return
         try:
@@ -123,7 +146,7 @@ class Moves:
         targets: Mapping[str, float],
         speeds: Mapping[str, Speeds],
         before: HeadSnapshot,
-        fault: "asyncio.Future[Fault]",
+        trouble: "asyncio.Future[MedusaError]",
         stops: int,
     ) -> MoveReport:
         async def arm(name: str, angle: float) -> ArmedMove:
@@ -141,10 +164,10 @@ class Moves:
         done = Arrivals({name: self._axes[name] for name in armed})
         try:
             repeated = await self._start(armed)
-            await self._race(done, armed, fault)
+            await self._race(done, armed, trouble)
         finally:
             done.close()
-        snapshot, settled = await self._settle(armed, fault)
+        snapshot, settled = await self._settle(armed, trouble)
         ended = {name: time for name, time in done.times.items() if not math.isnan(time)}
         started = self._starts(armed, ended)
         report = MoveReport(
@@ -178,15 +201,15 @@ class Moves:
         return tuple(address for address in masks if self._boards[address].repeats != repeats[address])
 
     async def _race(
-        self, done: "Arrivals", armed: Mapping[str, ArmedMove], fault: "asyncio.Future[Fault]"
+        self, done: "Arrivals", armed: Mapping[str, ArmedMove], trouble: "asyncio.Future[MedusaError]"
     ) -> None:
         longest = max((move.seconds for move in armed.values()), default=0.0)
-        either: set[asyncio.Future[Any]] = {done.all, fault}
+        either: set[asyncio.Future[Any]] = {done.all, trouble}
         await asyncio.wait(
             either, timeout=longest + EVENT_MARGIN_SECONDS, return_when=asyncio.FIRST_COMPLETED
         )
-        if fault.done():
-            raise HeadFault(fault.result())
+        if trouble.done():
+            raise trouble.result()
         if done.all.done():
             return
         snapshot = await self._reader.read()
@@ -202,15 +225,15 @@ class Moves:
             )
 
     async def _settle(
-        self, armed: Mapping[str, ArmedMove], fault: "asyncio.Future[Fault]"
+        self, armed: Mapping[str, ArmedMove], trouble: "asyncio.Future[MedusaError]"
     ) -> tuple[HeadSnapshot, dict[str, bool]]:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + SETTLE_SECONDS
         last: dict[str, int] = {}
         while True:
             snapshot = await self._reader.read()
-            if fault.done():
-                raise HeadFault(fault.result())
+            if trouble.done():
+                raise trouble.result()
             settled = {}
             for name, move in armed.items():
                 position = snapshot.joints[name].position_counts

@@ -17,8 +17,9 @@ STANDING_COUNTS = 1
 """A joint at rest in control may flicker by one count (thesis, servo loop: the DAC's limit cycle)."""
 READ_BACK_SECONDS = 0.025
 """Between two readings that are compared: a dozen samples of the slowest sample timer."""
-MARGIN_SECONDS = 0.5
-"""On top of the ramp: the link's repeats and the joint's own settling."""
+MARGIN_SECONDS = 1.5
+"""On top of the ramp: the link's repeats, and the coasting of a joint whose bridge a fault switched off."""
+
 
 Condition = Callable[[AxisSnapshot], bool]
 
