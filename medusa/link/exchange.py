@@ -16,12 +16,12 @@ from typing import Final
 
 from medusa.errors import DeviceSilent, MedusaError, PortError
 from medusa.link.events import Inbox, acknowledge
-from medusa.link.failure import BAD_LENGTH, NO_HELLO, Failures
+from medusa.link.failure import NO_HELLO, Failures
 from medusa.link.frame import EVENT, REPLY, REQUEST, Message, encode_frame
 from medusa.link.messages import EMERGENCY_STOP, HELLO
 from medusa.link.numbers import SequenceNumbers
 from medusa.link.owner import Counters, Owner
-from medusa.link.request import Request
+from medusa.link.request import BAD_LENGTH, Request
 from medusa.link.waiting import Waiting
 
 WINDOW: Final = 4
@@ -61,6 +61,11 @@ class Exchange:
         self._sent = 0
         self._unheard_since: float | None = None
         self._gave_up = False
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the device answered nothing for a second, and no HELLO since."""
+        return State.SILENT is (self._before if self.state is State.GREETING else self.state)
 
     def submit(self, request: Request, now: float) -> None:
         """Take a request in: it is sent now, later, or finished with an error."""
@@ -104,9 +109,9 @@ class Exchange:
             request = self._live.get(message.sequence)
             self._unheard_since = None
             self._gave_up = False
-            if request is None or not _answers(message, request):
+            if request is None or not request.is_answered_by(message):
                 self._late(message, now)
-            elif _is_damaged(message, request):
+            elif request.is_damaged_by(message):
                 self._damaged(message, request, now)
             else:
                 del self._live[message.sequence]
@@ -149,9 +154,11 @@ class Exchange:
         self.state = State.CLOSED
 
     def _admits(self, request: Request) -> bool:
-        if self.state is State.GREETING or request.operation in (HELLO, EMERGENCY_STOP):
+        if request.operation in (HELLO, EMERGENCY_STOP):
             return True
-        if self.state is State.SILENT:
+        if self.state is State.GREETING and not self.is_silent:
+            return True
+        if self.is_silent:
             self._owner.finish(request, self._errors.silent(request, "the device is silent"))
         else:
             self._owner.finish(request, self._errors.no_session(request))
@@ -332,17 +339,3 @@ class Exchange:
             self._waiting.remove(request)
         if error is not None:
             self._owner.finish(request, error)
-
-
-def _answers(message: Message, request: Request) -> bool:
-    """A HELLO takes only the reply with its own nonce (a refusal carries none)."""
-    if message.operation != request.operation:
-        return False
-    return request.operation != HELLO or message.axis != 0 or message.payload[:2] == request.payload
-
-
-def _is_damaged(message: Message, request: Request) -> bool:
-    """A reply of the wrong size, or a "bad length" although the host sends only right ones: worth a repeat."""
-    if message.axis == BAD_LENGTH:
-        return request.repeatable
-    return message.axis == 0 and request.reply_size not in (None, len(message.payload))

@@ -17,7 +17,6 @@ from medusa.link.frame import Message, encode_frame
 from medusa.link.messages import WHOLE_DEVICE
 from medusa.link.request import Request
 
-BAD_LENGTH: Final = 3
 NO_HELLO: Final = 10
 
 

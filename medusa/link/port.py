@@ -6,6 +6,7 @@ more; a hang-up (EIO, POLLHUP or end of file) closes the port and is told once. 
 
 import asyncio
 import errno
+import grp
 import logging
 import os
 import stat
@@ -206,8 +207,6 @@ def _reason(path: str, error: Exception) -> str:
 
 
 def _group_of(path: str) -> str:
-    import grp
-
     with suppress(KeyError, OSError):
         return grp.getgrgid(os.stat(path).st_gid).gr_name
     return "?"

@@ -7,6 +7,7 @@ from medusa.link.frame import Message
 from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
 
 MAX_SENDINGS: Final = 3
+BAD_LENGTH: Final = 3
 
 
 class Request:
@@ -83,3 +84,15 @@ class Request:
     def repeatable(self) -> bool:
         """Whether the same frame may still be sent again."""
         return self.sendings < MAX_SENDINGS and not self.final
+
+    def is_answered_by(self, reply: Message) -> bool:
+        """Whether it is the one the reply answers; a HELLO takes only its own nonce (a refusal has none)."""
+        if reply.operation != self.operation:
+            return False
+        return self.operation != HELLO or reply.axis != 0 or reply.payload[:2] == self.payload
+
+    def is_damaged_by(self, reply: Message) -> bool:
+        """Whether the reply is of the wrong size, or says "bad length" to a right one: worth a repeat."""
+        if reply.axis == BAD_LENGTH:
+            return self.repeatable
+        return reply.axis == 0 and self.reply_size not in (None, len(reply.payload))

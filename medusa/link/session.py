@@ -81,7 +81,7 @@ class Session:
     @property
     def is_silent(self) -> bool:
         """Whether the device answered nothing for a second and no HELLO since."""
-        return self._exchange.state is State.SILENT
+        return self._exchange.is_silent
 
     async def open(self) -> Hello:
         """Open a new session with HELLO, after which the machine stands, mask and watchdog are off.
