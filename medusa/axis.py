@@ -234,10 +234,13 @@ class Axis(Joint):
             await self.board.profile(self.channel, profile)
             self._profile = profile
 
-    async def stop(self) -> None:
-        """Send STOP to this axis alone; whoever needs it confirmed reads back (`Head.stop` does)."""
+    async def stop(self, *, urgent: bool = True) -> None:
+        """Send STOP to this axis alone; whoever needs it confirmed reads back (`Head.stop` does).
+
+        One that is not urgent, a step of a procedure, lets the other axes' unanswered motions act first.
+        """
         self.note_stopping()
-        await self.board.stop(self.channel)
+        await self.board.stop(self.channel, urgent=urgent)
 
     def subscribe(self, callback: Callable[[BoardEvent], None]) -> Callable[[], None]:
         """Call back for each event of this axis; returns what ends the subscription."""

@@ -216,7 +216,7 @@ class HomingSearch:
         self.raise_fault()
         leg = ended.result() if ended.done() else await self._ask(source)
         if leg.ending is not Ending.LIMIT:
-            await axis.stop()
+            await axis.stop(urgent=False)
         await self._rest()
         return leg
 

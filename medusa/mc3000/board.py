@@ -111,6 +111,7 @@ class Board:
         reads: bool = False,
         moves: bool = False,
         stops: bool = False,
+        urgent: bool = False,
     ) -> bytes:
         # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
         reply = await self.session.request(
@@ -120,7 +121,7 @@ class Board:
             reads=reads,
             moves=moves,
             stops=stops,
-            urgent=operation is Operation.STOP,
+            urgent=urgent,
         )
         self._note_heard()
         return reply
@@ -275,9 +276,12 @@ class Board:
         """Following-error limit, counts; 0 switches the supervision off."""
         await self._request(Operation.FOLLOWING, axis, _payload(Operation.FOLLOWING, limit=limit))
 
-    async def stop(self, axis: int = WHOLE_BOARD) -> None:
-        """Stop one axis or all by their ramps; never refused. Confirm it by reading back."""
-        await self._request(Operation.STOP, axis, stops=True)
+    async def stop(self, axis: int = WHOLE_BOARD, *, urgent: bool = True) -> None:
+        """Stop one axis or all by their ramps; never refused. Confirm it by reading back.
+
+        An urgent stop withdraws every unanswered motion of the board; one that is not waits for the others'.
+        """
+        await self._request(Operation.STOP, axis, stops=True, urgent=urgent)
 
     async def settings(self, axis: int) -> Settings:
         """Mode, following limit, limit enable and armed move as the board holds them."""
