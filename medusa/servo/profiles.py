@@ -188,37 +188,39 @@ def _on_grid(profile: Trapezoid, distance: int, speed: int, a: float, samples: i
     return None
 
 
-def stretch_together(profiles: Iterable[Trapezoid]) -> tuple[list[Trapezoid], list[int]]:
-    """Profiles of one sample period that all end in the same sample, and the indices of those that cannot.
+def stretch_together(
+    profiles: Iterable[Trapezoid], periods: Iterable[float] | None = None
+) -> tuple[list[Trapezoid], list[int]]:
+    """Profiles that all end at the same time, and the indices of those that cannot.
 
-    The longest one sets the time; where one register grid misses that very sample, a later one (up to 2 %
-    or eight samples on) that most can meet is taken. Those too near to be stretched keep their slowest
-    profile and end early.
+    `periods`: sample period of each in s, equal where not given. The longest one sets the time; where a register
+    grid misses that very sample, a later one (up to 2 % or eight samples on) that most can meet is taken. Those
+    too near to be stretched keep their slowest profile and end early.
     """
     originals = list(profiles)
-    longest = max((p.samples for p in originals), default=0)
-    best: tuple[int, int, list[Trapezoid | None]] | None = None
-    for samples in range(longest, longest + max(8, longest // 50) + 1):
-        tried = [stretch(p, samples) for p in originals]
-        missed = sum(
-            found is None and original.distance != 0 for found, original in zip(tried, originals, strict=True)
-        )
-        if best is None or missed < best[0]:
-            best = (missed, samples, tried)
-        if missed == 0:
+    ticks = [1.0] * len(originals) if periods is None else list(periods)
+    moving = [i for i, profile in enumerate(originals) if profile.distance != 0]
+    if not moving:
+        return originals, []
+    last = max(moving, key=lambda i: originals[i].samples * ticks[i])
+    longest = originals[last].samples
+    best: tuple[list[int], list[Trapezoid | None], list[int]] | None = None
+    for more in range(max(8, longest // 50) + 1):
+        end = (longest + more) * ticks[last]
+        samples = [max(round(end / tick), p.samples) for p, tick in zip(originals, ticks, strict=True)]
+        tried = [stretch(p, n) for p, n in zip(originals, samples, strict=True)]
+        missed = [i for i in moving if tried[i] is None]
+        if best is None or len(missed) < len(best[0]):
+            best = (missed, tried, samples)
+        if not missed:
             break
     if best is None:
-        return [], []
-    _, samples, tried = best
-    early = [
-        i
-        for i, (found, p) in enumerate(zip(tried, originals, strict=True))
-        if found is None and p.distance != 0
-    ]
-    whole = [
-        found if found is not None else (slowest_within(p, samples) if p.distance else p)
-        for found, p in zip(tried, originals, strict=True)
-    ]
+        raise AssertionError("at least one end was tried")
+    early, found, samples = best
+    whole = list(originals)
+    for i in moving:
+        chosen = found[i]
+        whole[i] = slowest_within(originals[i], samples[i]) if chosen is None else chosen
     return whole, early
 
 
