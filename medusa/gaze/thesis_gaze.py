@@ -1,5 +1,6 @@
 """The gaze controller of the thesis: a saccade when the target is far, PID pursuit when near, a step a picture."""
 
+import math
 from dataclasses import dataclass, field
 
 from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
@@ -58,10 +59,15 @@ class ThesisGaze:
         if neck or max(abs(left_error), abs(right_error), abs(tilt)) > self._settings.saccade_error:
             return Saccade(wanted, "neck to a comfortable position" if neck else "target far from the fovea")
         errors = Joints(*(w - a for w, a in zip(wanted, at, strict=True))).as_axes()
-        angles = at.as_axes()
-        commands: dict[str, Velocity | Position] = {
-            name: pursuit.step(errors[name], angles[name]) for name, pursuit in self._pursuits.items()
-        }
+        angles, speeds = at.as_axes(), self._limits.speed.as_axes()
+        commands: dict[str, Velocity | Position] = {}
+        for name, pursuit in self._pursuits.items():
+            command = pursuit.step(errors[name], angles[name])
+            fastest = speeds[name]
+            if isinstance(command, Velocity) and abs(command.rate) > fastest:
+                # At high frame rates K_P e/T_v can exceed what the joint may do.
+                command, limited = Velocity(math.copysign(fastest, command.rate)), limited | {name}
+            commands[name] = command
         return Pursue(commands, limited)
 
     def saccade_ended(self, now: float) -> None:
