@@ -22,6 +22,8 @@ BACK_OFF_STEPS = 10
 EVENT_SECONDS = 0.7
 """An event that is lost is repeated for this long; then the board itself is asked."""
 REST_LOOKS = 100
+QUIET_LOOKS = 4
+"""The zero is set after the count stood for 0.1 s: a braked joint creeps its last count some T_M late."""
 
 
 class HomingFailure(Enum):
@@ -232,19 +234,22 @@ class HomingSearch:
         return Leg(Ending.LIMIT if limited else Ending.DONE, position)
 
     async def rest_idle(self) -> int:
-        """Go idle and wait until the count stands still; that count."""
+        """Go idle and wait until the count has stood still for long; that count."""
         await self._axis.set_mode(Mode.IDLE)
-        return await self._rest(still=0)
+        return await self._rest(still=0, looks=QUIET_LOOKS)
 
-    async def _rest(self, still: int = STANDING_COUNTS) -> int:
+    async def _rest(self, still: int = STANDING_COUNTS, looks: int = 1) -> int:
         axis = self._axis
         last: int | None = None
+        quiet = 0
         for _ in range(REST_LOOKS):
             self.raise_fault()
             snapshot, time = await axis.board.timed_snapshot()
             seen = snapshot.axes[axis.channel]
             axis.note(seen, time)
-            if last is not None and abs(seen.actual - last) <= still and is_stopped(seen):
+            standing = last is not None and abs(seen.actual - last) <= still and is_stopped(seen)
+            quiet = quiet + 1 if standing else 0
+            if quiet >= looks:
                 return seen.actual
             last = seen.actual
             await asyncio.sleep(READ_BACK_SECONDS)
