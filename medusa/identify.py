@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from medusa.errors import CommandError, DeviceFault
+from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.mc3000 import Mode, Register, WatchdogAction
 from medusa.mc3000.registers import MOTOR_COMMAND_ZERO
 from medusa.servo.identification import Identification, Pulse, estimate_plant
@@ -72,8 +72,14 @@ async def identify_axis(head: "Head", name: str, excitation: Excitation | None =
     try:
         await axis.board.watchdog(min(WATCHDOG_MS, safety.board_watchdog_ms), WatchdogAction.IDLE)
         pulses = await _pulses(axis, excitation)
-    finally:
-        await asyncio.shield(asyncio.ensure_future(_leave(head, axis)))
+    except BaseException:
+        # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
+        try:
+            await asyncio.shield(asyncio.ensure_future(_leave(head, axis)))
+        except MedusaError as error:
+            log.error("%s: %s", name, error)
+        raise
+    await _leave(head, axis)
     found = estimate_plant(pulses)
     log.info(
         "%s: T_M %.2f ms, C %.1f counts/s per DAC count, friction %.2f DAC counts",
