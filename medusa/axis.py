@@ -43,15 +43,15 @@ class Axis(Joint):
         """The joint's angle, rad; NaN while it is not homed."""
         return self.to_angle(await self.board.position(self.channel))
 
-    async def set_mode(self, mode: Mode) -> None:
-        """Enter a control mode, or go idle.
+    async def set_mode(self, mode: Mode, *, orderly: bool = False) -> None:
+        """Enter a control mode, or go idle; an orderly idle lets the board's unanswered motions act first.
 
         Settings are written and read back before control is entered; between modes with different filters
         the axis passes through idle, since a filter meant for one mode may be unstable in another. Raises
         CommandError when a stop comes in between: it stays stopped.
         """
         if mode is Mode.IDLE:
-            await self._go_idle()
+            await self._go_idle(orderly=orderly)
             return
         async with self._lock:
             if self.mode is mode:
@@ -68,9 +68,9 @@ class Axis(Joint):
             await self.board.mode(self.channel, mode)
             self.mode = mode
 
-    async def _go_idle(self) -> None:
+    async def _go_idle(self, *, orderly: bool = False) -> None:
         self.note_stopping()
-        await self.board.mode(self.channel, Mode.IDLE)
+        await self.board.mode(self.channel, Mode.IDLE, orderly=orderly)
         self.mode = Mode.IDLE
 
     def _filter_changes(self, mode: Mode) -> bool:
@@ -234,13 +234,13 @@ class Axis(Joint):
             await self.board.profile(self.channel, profile)
             self._profile = profile
 
-    async def stop(self, *, urgent: bool = True) -> None:
+    async def stop(self, *, orderly: bool = False) -> None:
         """Send STOP to this axis alone; whoever needs it confirmed reads back (`Head.stop` does).
 
-        One that is not urgent, a step of a procedure, lets the other axes' unanswered motions act first.
+        An orderly one, a step of a procedure, lets the board's unanswered motions act first.
         """
         self.note_stopping()
-        await self.board.stop(self.channel, urgent=urgent)
+        await self.board.stop(self.channel, orderly=orderly)
 
     def subscribe(self, callback: Callable[[BoardEvent], None]) -> Callable[[], None]:
         """Call back for each event of this axis; returns what ends the subscription."""

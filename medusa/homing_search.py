@@ -135,7 +135,7 @@ class HomingSearch:
     async def _back_off(self) -> None:
         """Leave a limit switch as the board's page has it: idle, limits off, CLEAR, MODE, move, limits on."""
         axis, board, channel = self._axis, self._axis.board, self._axis.channel
-        await axis.set_mode(Mode.IDLE)
+        await axis.set_mode(Mode.IDLE, orderly=True)
         await self._rest()
         await board.limit_enable(channel, False)
         await board.clear(channel)
@@ -218,7 +218,7 @@ class HomingSearch:
         self.raise_fault()
         leg = ended.result() if ended.done() else await self._ask(source)
         if leg.ending is not Ending.LIMIT:
-            await axis.stop(urgent=False)
+            await axis.stop(orderly=True)
         await self._rest()
         return leg
 
@@ -235,7 +235,7 @@ class HomingSearch:
 
     async def rest_idle(self) -> int:
         """Go idle and wait until the count has stood still for long; that count."""
-        await self._axis.set_mode(Mode.IDLE)
+        await self._axis.set_mode(Mode.IDLE, orderly=True)
         return await self._rest(still=0, looks=QUIET_LOOKS)
 
     async def _rest(self, still: int = STANDING_COUNTS, looks: int = 1) -> int:

@@ -38,6 +38,9 @@ class Board:
         self.session = session
         self.clock = BoardClock()
         self.heard = float("-inf")
+        self._motions = 0
+        self._motions_answered = asyncio.Event()
+        self._motions_answered.set()
         session.on_restart(lambda restarted: self.clock.reset())
         session.name_operations({operation: operation.name for operation in Operation})
         self._seconds_per_byte = BITS_PER_BYTE / baud
@@ -114,15 +117,24 @@ class Board:
         urgent: bool = False,
     ) -> bytes:
         # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
-        reply = await self.session.request(
-            operation,
-            axis,
-            payload,
-            reads=reads,
-            moves=moves,
-            stops=stops,
-            urgent=urgent,
-        )
+        if moves:
+            self._motions += 1
+            self._motions_answered.clear()
+        try:
+            reply = await self.session.request(
+                operation,
+                axis,
+                payload,
+                reads=reads,
+                moves=moves,
+                stops=stops,
+                urgent=urgent,
+            )
+        finally:
+            if moves:
+                self._motions -= 1
+                if self._motions == 0:
+                    self._motions_answered.set()
         self._note_heard()
         return reply
 
@@ -213,10 +225,12 @@ class Board:
         (t,) = await self.read(axis, Register.SAMPLE_TIMER)
         return Filter(a, b, k, t)
 
-    async def mode(self, axis: int, mode: Mode) -> None:
-        """Enter a control mode, or go idle (which withdraws unanswered motion first)."""
+    async def mode(self, axis: int, mode: Mode, *, orderly: bool = False) -> None:
+        """Enter a control mode, or go idle; idle withdraws unanswered motion, or `orderly` waits for it."""
         payload = _payload(Operation.MODE, mode=mode)
         idle = mode is Mode.IDLE
+        while idle and orderly and self._motions:
+            await self._motions_answered.wait()
         await self._request(Operation.MODE, axis, payload, moves=not idle, stops=idle)
 
     async def velocity(self, axis: int, velocity: int) -> None:
@@ -276,12 +290,14 @@ class Board:
         """Following-error limit, counts; 0 switches the supervision off."""
         await self._request(Operation.FOLLOWING, axis, _payload(Operation.FOLLOWING, limit=limit))
 
-    async def stop(self, axis: int = WHOLE_BOARD, *, urgent: bool = True) -> None:
+    async def stop(self, axis: int = WHOLE_BOARD, *, orderly: bool = False) -> None:
         """Stop one axis or all by their ramps; never refused. Confirm it by reading back.
 
-        An urgent stop withdraws every unanswered motion of the board; one that is not waits for the others'.
+        A stop withdraws every unanswered motion of the board; an orderly one, a procedure's step, waits for it.
         """
-        await self._request(Operation.STOP, axis, stops=True, urgent=urgent)
+        while orderly and self._motions:
+            await self._motions_answered.wait()
+        await self._request(Operation.STOP, axis, stops=True, urgent=True)
 
     async def settings(self, axis: int) -> Settings:
         """Mode, following limit, limit enable and armed move as the board holds them."""
