@@ -31,9 +31,9 @@ def draw_demo(film: "Sequence[HeadSnapshot]", marks: Sequence[tuple[str, float]]
         joints = [snapshot.joints[name] for snapshot in film]
         label = name.replace("_", " ")
         axes[0].plot(times, [math.degrees(j.angle) for j in joints], color=colour, lw=1.8, label=label)
-        axes[0].plot(times, [_commanded_deg(j) for j in joints], color=colour, lw=0.9, ls=":")
+        axes[0].plot(times, [_commanded_deg(j) for j in joints], color="#222222", lw=0.8, ls=(0, (2, 2)))
         axes[1].step(times, [j.motor_command_counts for j in joints], color=colour, lw=1.1, where="post")
-    axes[0].plot([], [], color="#555555", lw=0.9, ls=":", label="commanded")
+    axes[0].plot([], [], color="#222222", lw=0.8, ls=(0, (2, 2)), label="commanded")
     _mark(axes, marks)
     axes[0].set_ylabel("joint angle [°]")
     axes[0].legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.06), frameon=False, borderaxespad=0.0)
@@ -44,6 +44,7 @@ def draw_demo(film: "Sequence[HeadSnapshot]", marks: Sequence[tuple[str, float]]
     axes[2].set_xlabel("time since the head was connected [s]")
     axes[0].set_xlim(times[0], times[-1])
     for each in axes:
+        each.set_axisbelow(True)
         each.grid(axis="y", color="#dddddd", lw=0.6)
         each.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=130)
@@ -60,8 +61,14 @@ def _mark(axes: Any, marks: Sequence[tuple[str, float]]) -> None:
         for each in axes:
             each.axvline(end, color="#bbbbbb", lw=0.7)
         height = 1.01 if index % 2 == 0 else 1.045
+        last = index == len(marks) - 1
         axes[0].text(
-            (start + end) / 2, height, name, transform=axes[0].get_xaxis_transform(), ha="center", fontsize=8
+            end if last else (start + end) / 2,
+            height,
+            name,
+            transform=axes[0].get_xaxis_transform(),
+            ha="right" if last else "center",
+            fontsize=8,
         )
         start = end
 
