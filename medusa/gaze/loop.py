@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from medusa.axis import Axis
-from medusa.errors import MedusaError
+from medusa.errors import CommandError, MedusaError
 from medusa.faults import Fault, HeadFault
 from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
 from medusa.gaze.joint_history import JointHistory
@@ -229,7 +229,14 @@ class GazeLoop:
             axis.command_velocity / least
         ):
             return
-        await self.head.velocity({axis.name: rate})
+        try:
+            await self.head.velocity({axis.name: rate})
+        except CommandError:
+            # The axis looks again before it obeys: the room may have been used up since our look.
+            if axis.seen is None or axis.room(rate, axis.seen) > 0:
+                raise
+            self.log.limited.add(axis.name)
+            await self.head.velocity({axis.name: 0.0})
 
     async def _pump(self) -> None:
         async for pair in paired(
