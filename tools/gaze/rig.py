@@ -17,8 +17,8 @@ from medusa.head import Head
 from medusa.kinematics import HeadGeometry, Joints, bearing_of, camera_pose, look_at
 from medusa.simulation import SimulatedHead, simulated_cameras, simulated_head
 from perception.camera.intrinsics import Intrinsics
-from perception.camera.pairing import FramePair
 from perception.target import Target, detect_bright_target
+from sim_devices.camera import Picture
 from sim_devices.stereo import StereoWorld
 from sim_devices.worlds.config import WorldConfig
 
@@ -38,7 +38,7 @@ class Run:
     geometry: HeadGeometry
     log: TrackLog
     start: float
-    pairs: list[FramePair] = field(default_factory=list)
+    pictures: dict[str, list[Picture]] = field(default_factory=dict)
 
     def eye_errors(self) -> Array:
         """True angle (n, 2) between each optical axis, left and right, and the target."""
@@ -107,7 +107,7 @@ class Rig:
         detectors: tuple[Detector, Detector] | None = None,
         settings: LoopSettings | None = None,
         still: bool = False,
-        keep_pairs: bool = False,
+        keep_pictures: bool = False,
         stage: Callable[[StereoWorld, asyncio.AbstractEventLoop], None] | None = None,
         geometry: HeadGeometry | None = None,
     ) -> Run:
@@ -129,13 +129,14 @@ class Rig:
         lens = surroundings.optics
         intrinsics = Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy)
         eyes = detectors or (bright, bright)
-        pairs: list[FramePair] = []
+        pictures: dict[str, list[Picture]] = {"left": [], "right": []}
+        if keep_pictures:
+            for side, camera in surroundings.cameras.items():
+                camera.deliver_to(pictures[side].append)
         async with simulated_cameras(surroundings) as cameras:
             gaze = make_gaze(self, geometry or true_geometry)
-            gaze_loop = GazeLoop(
-                self.head, cameras, Retina(intrinsics, intrinsics, *eyes), gaze, settings,
-                on_pair=(lambda pair, _: pairs.append(pair)) if keep_pairs else None,
-            )  # fmt: skip
+            retina = Retina(intrinsics, intrinsics, *eyes)
+            gaze_loop = GazeLoop(self.head, cameras, retina, gaze, settings)
             began = loop.time()
             surroundings.power_up(began)
             if stage is not None:
@@ -152,7 +153,7 @@ class Rig:
                 truth.cancel()
                 with suppress(asyncio.CancelledError):
                     await truth
-        return Run(times, target, joints, true_geometry, log, began, pairs)
+        return Run(times, target, joints, true_geometry, log, began, pictures)
 
     async def _witness(
         self, world: StereoWorld, began: float, seconds: float
