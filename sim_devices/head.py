@@ -151,6 +151,7 @@ class HeadMachine:
     def record(self, axis: str) -> Iterator[Recording]:
         """Record every sample of an axis: `with machine.record("pan") as recording: …`."""
         channel = self.channel(axis)
+        channel.advance_to(max(board.t for board in self.boards.values()))
         channel.recording = recording = Recording()
         try:
             yield recording

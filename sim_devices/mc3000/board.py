@@ -35,14 +35,15 @@ class Mc3000:
             raise ValueError(f"{len(joints)} joints, the board has {AXES} axes")
         self.emit: Callable[[int, int, bytes], None] = lambda operation, axis, payload: None
         self._reports: list[Report] = []
-        self._t = 0.0
+        self.t = 0.0
+        """The time that the board has come to."""
         self._watchdog_on = False
         self.channels = [Channel(n, joint, self._reports.append) for n, joint in enumerate(joints)]
         self._reports.clear()
 
     def attach(self, power_up: float) -> None:
         """Power up."""
-        self._t = power_up
+        self.t = power_up
         self._watchdog_on = False
         self._reports.clear()
         for channel in self.channels:
@@ -58,8 +59,8 @@ class Mc3000:
 
     def advance_to(self, t: float) -> None:
         """Take every sample up to t and send the events of it, in order of time."""
-        if t > self._t:
-            self._t = t
+        if t > self.t:
+            self.t = t
             for channel in self.channels:
                 # A channel at rest catches up when it is asked for.
                 if channel.running or channel.active:
@@ -70,17 +71,17 @@ class Mc3000:
     def next_due(self) -> float | None:
         """Return now while an event waits, a wake later while anything moves or is in control, else None."""
         if self._reports:
-            return self._t
+            return self.t
         for channel in self.channels:
             if channel.running or channel.active:
-                return self._t + WAKE_S
+                return self.t + WAKE_S
         return None
 
     def settle(self, t: float) -> None:
         """Bring every shaft and counter to t."""
-        self._t = max(self._t, t)
+        self.t = max(self.t, t)
         for channel in self.channels:
-            channel.settle(self._t)
+            channel.settle(self.t)
 
     def _send_reports(self) -> None:
         reports = sorted(self._reports, key=attrgetter("time_us"))
@@ -90,7 +91,7 @@ class Mc3000:
             self.emit(report.operation, report.axis, payload)
 
     def _report_whole(self, operation: int, detail: int) -> None:
-        time_us = self.channels[0].microseconds(self._t)
+        time_us = self.channels[0].microseconds(self.t)
         self._reports.append(Report(time_us, operation, WHOLE_DEVICE, 0, detail))
 
     def execute(self, operation: int, axis: int, payload: bytes) -> bytes:
@@ -104,11 +105,11 @@ class Mc3000:
         if len(payload) not in lengths:
             raise Refused(3)
         if axis == WHOLE_DEVICE:
-            self.settle(self._t)
+            self.settle(self.t)
             channels = self.channels
         else:
             channels = self.channels[axis : axis + 1]
-            channels[0].settle(self._t)
+            channels[0].settle(self.t)
         reply = b""
         for channel in channels if operation == STOP else channels[:1]:
             reply = handler(self, channel, payload)
@@ -118,14 +119,14 @@ class Mc3000:
 
     def new_session(self) -> None:
         """HELLO: every axis idle; nothing armed is left."""
-        self.settle(self._t)
+        self.settle(self.t)
         for channel in self.channels:
             channel.go_idle()
         self._reports.clear()
 
     def emergency_stop(self) -> bool:
         """Latch the emergency stop: every axis idle."""
-        self.settle(self._t)
+        self.settle(self.t)
         fresh = not self.channels[0].emergency
         for channel in self.channels:
             channel.emergency = True
@@ -139,7 +140,7 @@ class Mc3000:
         """CLEAR: the emergency stop on all axes, other latches on those named."""
         if axis != WHOLE_DEVICE and axis not in self.axes:
             raise Refused(2)
-        self.settle(self._t)
+        self.settle(self.t)
         for channel in self.channels:
             channel.emergency = False
             if axis in (WHOLE_DEVICE, channel.number):
@@ -148,7 +149,7 @@ class Mc3000:
 
     def watchdog(self, action: int) -> None:
         """The host is silent: idle, or a ramp where a limit switch still guards it."""
-        self.settle(self._t)
+        self.settle(self.t)
         for channel in self.channels:
             channel.watchdog_expired = True
             if action == IDLE_ACTION or not channel.limit_enable:
@@ -162,7 +163,7 @@ class Mc3000:
         """Without a watchdog nothing is driven open loop."""
         self._watchdog_on = on
         if not on:
-            self.settle(self._t)
+            self.settle(self.t)
             for channel in self.channels:
                 operations.zero_open_loop(channel)
 
@@ -183,7 +184,7 @@ class Mc3000:
         return b""
 
     def _snapshot(self, axis: Channel, payload: bytes) -> bytes:
-        parts = [struct.pack("<I", axis.microseconds(self._t) & 0xFFFFFFFF)]
+        parts = [struct.pack("<I", axis.microseconds(self.t) & 0xFFFFFFFF)]
         for channel in self.channels:
             chip = channel.chip
             parts.append(

@@ -82,8 +82,13 @@ class Channel:
 
     @property
     def active(self) -> bool:
-        """Whether something happens here by itself: in control, or moving."""
-        return self.running is not None or self.chip.in_control or self.joint.moving
+        """Whether samples matter here: in control, moving, or recorded."""
+        return (
+            self.running is not None
+            or self.chip.in_control
+            or self.joint.moving
+            or self.recording is not None
+        )
 
     @property
     def profile_running(self) -> bool:
@@ -141,7 +146,7 @@ class Channel:
                 return
             self._end_run()
         while self.next_tick <= last:
-            if not self.active and self._new_period is None and self.recording is None:
+            if not self.active and self._new_period is None:
                 self._skip_to(last)
             elif not (self._aligned and joint.ordinary and self._run_to(last)):
                 self._sample()
