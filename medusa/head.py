@@ -196,10 +196,21 @@ class Head:
         """
         wanted = [name for name in self._names(names) if name in self.enabled]
         await asyncio.gather(*(self.axes[name].set_mode(Mode.IDLE) for name in wanted))
-        await self._stopping.stand(wanted)
+        braked = False
+        try:
+            await self._stopping.stand(wanted)
+        except DeviceFault as error:
+            # At a closed switch the amplifier's directional inhibit keeps it from braking: its brake does not.
+            log.warning("%s; braking", error)
+            braked = True
+            for name in wanted:
+                await self.amplifiers[name].brake(True)
+            await self._stopping.stand(wanted)
         for name in wanted:
             await self.amplifiers[name].watchdog(0)
             await self.amplifiers[name].inhibit()
+            if braked:
+                await self.amplifiers[name].brake(False)
             self.enabled -= {name}
         if not self.enabled:
             await self._supervision.end()
@@ -263,6 +274,10 @@ class Head:
         latches = Inputs.LIMIT_LATCHED | Inputs.EMERGENCY_STOP_LATCHED | Inputs.FAULT_LATCHED
         snapshot = await self.snapshot()
         return {n: j.inputs & latches for n, j in snapshot.joints.items() if j.inputs & latches}
+
+    async def stopped_by_fault(self) -> str:
+        """Wait until the stop that the last fault caused has ended; what there is to tell of it."""
+        return await self._watch.stopped()
 
     async def rest(self, names: Iterable[str] | None = None) -> None:
         """Wait until the named joints stand; DeviceFault names those that do not in time."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from medusa.check import CheckRecord
-from medusa.errors import CommandError, DeviceRestarted, MedusaError
-from medusa.faults import HeadFault
+from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
 from medusa.homing_mark import NO_MARK
-from medusa.homing_search import FAILURES, HomingError, HomingFailure, HomingSearch
+from medusa.homing_search import HomingError, HomingFailure, HomingSearch
 from medusa.mc3000 import Mode
 
 if TYPE_CHECKING:
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 PRESET_TRIES = 5
+DISABLE_TRIES = 3
 
 
 @dataclass(frozen=True)
@@ -68,23 +68,24 @@ async def home_axis(head: "Head", name: str) -> HomingResult:
     began = asyncio.get_running_loop().time()
     axis.homed = False
     search = HomingSearch(axis, head.faults)
-    try:
-        await axis.board.write_mark(axis.channel, NO_MARK)
-        coarse, latched = await search.find_edge()
-        shift = await _set_zero(head, name, search, latched)
-        axis.homed = True
-        await axis.set_mode(Mode.POSITION)
-        report = await head.move({name: axis.config.home_angle})
-        await axis.board.write_mark(axis.channel, head.mark(name))
-        if await axis.board.read_mark(axis.channel) != head.mark(name):
-            raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
-    except BaseException as error:
-        axis.homed = False
-        failure = _named(name, error, search)
-        await asyncio.shield(asyncio.ensure_future(_leave_disabled(head, name)))
-        if failure is error:
-            raise
-        raise failure from error
+    with search.listening():
+        try:
+            await axis.board.write_mark(axis.channel, NO_MARK)
+            coarse, latched = await search.find_edge()
+            shift = await _set_zero(head, name, search, latched)
+            axis.homed = True
+            await axis.set_mode(Mode.POSITION)
+            report = await head.move({name: axis.config.home_angle})
+            await axis.board.write_mark(axis.channel, head.mark(name))
+            if await axis.board.read_mark(axis.channel) != head.mark(name):
+                raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
+        except BaseException as error:
+            axis.homed = False
+            await asyncio.shield(asyncio.ensure_future(_leave_disabled(head, name)))
+            failure = _named(name, error, search)
+            if failure is error:
+                raise
+            raise failure from error
     log.info("%s: homed, edge at %d counts before the zero was set", name, latched)
     return HomingResult(
         axis=name,
@@ -118,15 +119,15 @@ async def _set_zero(head: "Head", name: str, search: HomingSearch, latched: int)
 
 def _named(name: str, error: BaseException, search: HomingSearch) -> BaseException:
     """The named failure behind an error; what is no failure of the machine stays what it is."""
-    if isinstance(error, HomingError) or not isinstance(error, MedusaError):
+    if not isinstance(error, MedusaError):
         return error
-    try:
-        search.raise_fault()
-    except HomingError as failure:
+    if isinstance(error, HomingError) and error.failure is not HomingFailure.INTERRUPTED:
+        return error
+    failure = search.failure()
+    if failure is not None:
         return failure
-    if isinstance(error, HeadFault) and name in error.cause.axes:
-        failed = FAILURES.get(error.cause.kind, HomingFailure.INTERRUPTED)
-        return HomingError(name, failed, error.cause.reason)
+    if isinstance(error, HomingError):
+        return error
     if isinstance(error, DeviceRestarted):
         return HomingError(name, HomingFailure.RESTARTED, str(error))
     if error.fault in ("port", "line", "device"):
@@ -135,7 +136,13 @@ def _named(name: str, error: BaseException, search: HomingSearch) -> BaseExcepti
 
 
 async def _leave_disabled(head: "Head", name: str) -> None:
-    try:
-        await head.disable([name])
-    except MedusaError as error:
-        log.error("%s: could not be disabled: %s", name, error)
+    for _ in range(DISABLE_TRIES):
+        try:
+            await head.stopped_by_fault()
+            await head.disable([name])
+            return
+        except NoReply as error:
+            log.warning("%s: not disabled yet: %s", name, error)
+        except MedusaError as error:
+            log.error("%s: could not be disabled: %s", name, error)
+            return

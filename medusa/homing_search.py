@@ -4,7 +4,8 @@ Directions are by the joint: +1 is the positive joint angle, whatever the wiring
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -18,12 +19,21 @@ from medusa.stopping import READ_BACK_SECONDS, STANDING_COUNTS, is_stopped
 
 TRAVEL_MARGIN = 1.2
 """The search goes over this much of the range between the soft limits: past both switches."""
-BACK_OFF_STEPS = 10
+BACK_OFF_DEG = 10.0
+"""How far a joint backs off a closed limit switch: hard stops lie closer to it than that."""
+CLEARANCE_DEG = 0.5
+"""How much further it goes once the switch is open."""
+SWITCH_LOOK_SECONDS = 0.025
+FOLLOWING_DEG = 1.0
+"""Following limit while homing: the speeds are low, and a lost encoder is seen the sooner."""
 EVENT_SECONDS = 0.7
 """An event that is lost is repeated for this long; then the board itself is asked."""
 REST_LOOKS = 100
 QUIET_LOOKS = 4
 """The zero is set after the count stood for 0.1 s: a braked joint creeps its last count some T_M late."""
+
+
+SWITCHES = Inputs.NEGATIVE_LIMIT | Inputs.POSITIVE_LIMIT
 
 
 class HomingFailure(Enum):
@@ -86,37 +96,50 @@ class HomingSearch:
 
     def __init__(self, axis: Axis, faults: FaultHub) -> None:
         self._axis = axis
-        self._faults = faults
-        self._fault: asyncio.Future[Fault] = asyncio.get_running_loop().create_future()
+        self._hub = faults
+        self._fault: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.faults: list[Fault] = []
 
-    async def find_edge(self) -> tuple[int, int]:
-        """(coarse, latched) count of the edge, the latter taken slowly toward the positive joint angle."""
-        with self._faults.claim(self._axis.name, frozenset({FaultKind.LIMIT}), lambda fault: None):
-            end = self._faults.subscribe(self._note)
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Within the context this joint's limit switches are expected, and any fault ends the search."""
+        with self._hub.claim(self._axis.name, frozenset({FaultKind.LIMIT}), lambda fault: None):
+            end = self._hub.subscribe(self._note)
             try:
-                await self._leave_limits()
-                coarse = await self._coarse()
-                await self._retract(coarse)
-                return coarse, await self._approach(coarse)
+                yield
             finally:
                 end()
 
+    async def find_edge(self) -> tuple[int, int]:
+        """(coarse, latched) count of the edge, the latter taken slowly toward the positive joint angle."""
+        await self._leave_limits()
+        coarse = await self._coarse()
+        await self._retract(coarse)
+        return coarse, await self._approach(coarse)
+
     def _note(self, fault: Fault) -> None:
-        if fault.stops_head and not self._fault.done():
-            self._fault.set_result(fault)
+        if fault.stops_head:
+            self.faults.append(fault)
+            if not self._fault.done():
+                self._fault.set_result(None)
 
     def _fail(self, failure: HomingFailure, detail: str = "") -> HomingError:
         return HomingError(self._axis.name, failure, detail)
 
+    def failure(self) -> HomingError | None:
+        """The named failure behind what stopped the head meanwhile; of several, this joint's own."""
+        for fault in self.faults:
+            if self._axis.name in fault.axes:
+                return self._fail(FAILURES.get(fault.kind, HomingFailure.INTERRUPTED), fault.reason)
+        for fault in self.faults:
+            return self._fail(HomingFailure.INTERRUPTED, f"{', '.join(fault.axes)}: {fault.reason}")
+        return None
+
     def raise_fault(self) -> None:
         """Raise HomingError if something stopped the head meanwhile."""
-        if self._fault.done():
-            fault = self._fault.result()
-            own = self._axis.name in fault.axes
-            failure = (
-                FAILURES.get(fault.kind, HomingFailure.INTERRUPTED) if own else HomingFailure.INTERRUPTED
-            )
-            raise self._fail(failure, f"{', '.join(fault.axes)}: {fault.reason}")
+        failure = self.failure()
+        if failure is not None:
+            raise failure
 
     async def _inputs(self) -> Inputs:
         inputs = await self._axis.board.inputs(self._axis.channel)
@@ -128,30 +151,52 @@ class HomingSearch:
 
     async def _leave_limits(self) -> None:
         inputs = await self._inputs()
-        if inputs & (Inputs.LIMIT_LATCHED | Inputs.NEGATIVE_LIMIT | Inputs.POSITIVE_LIMIT):
+        if inputs & (Inputs.LIMIT_LATCHED | SWITCHES):
             await self._back_off()
+        else:
+            await self._enter_position()
+
+    async def _enter_position(self) -> None:
+        config = self._axis.config
         await self._axis.set_mode(Mode.POSITION)
+        limit = min(config.following_limit_counts, round(FOLLOWING_DEG * config.counts_per_degree))
+        await self._axis.board.following(self._axis.channel, limit)
 
     async def _back_off(self) -> None:
-        """Leave a limit switch as the board's page has it: idle, limits off, CLEAR, MODE, move, limits on."""
-        axis, board, channel = self._axis, self._axis.board, self._axis.channel
+        """Leave a limit switch as the board's page has it: idle, limits off, CLEAR, MODE, move, limits on.
+
+        Slowly, and in one motion: a closed switch's directional inhibit lets the amplifier drive away from
+        the switch but not brake.
+        """
+        axis, board, channel, config = self._axis, self._axis.board, self._axis.channel, self._axis.config
         await axis.set_mode(Mode.IDLE, orderly=True)
         await self._rest()
         await board.limit_enable(channel, False)
         await board.clear(channel)
-        await axis.set_mode(Mode.POSITION)
-        for _ in range(BACK_OFF_STEPS):
-            inputs = await self._inputs()
-            if not inputs & (Inputs.NEGATIVE_LIMIT | Inputs.POSITIVE_LIMIT):
-                await board.limit_enable(channel, True)
-                return
-            away = 1 if inputs & Inputs.NEGATIVE_LIMIT else -1
-            step = round(away * axis.config.retract_deg * axis.config.counts_per_degree)
-            await self._go(await board.position(channel) + step, axis.config.search_speed)
-        raise self._fail(
-            HomingFailure.STILL_ON_SWITCH,
-            f"limit switch closed after {BACK_OFF_STEPS * axis.config.retract_deg:g}°",
-        )
+        await self._enter_position()
+        closed = await self._inputs() & SWITCHES
+        if closed:
+            away = 1 if closed & Inputs.NEGATIVE_LIMIT else -1
+            here = await board.position(channel)
+            profile = axis.profile(max_speed=config.approach_speed)
+            distance = away * config.counts_per_degree
+            move = await axis.arm_counts(here + round(distance * BACK_OFF_DEG), profile, start=True)
+            loop = asyncio.get_running_loop()
+            end = loop.time() + move.seconds - SWITCH_LOOK_SECONDS
+            while loop.time() < end:
+                self.raise_fault()
+                closed = await self._inputs() & SWITCHES
+                if not closed:
+                    break
+                await asyncio.sleep(SWITCH_LOOK_SECONDS)
+            if closed:
+                raise self._fail(
+                    HomingFailure.STILL_ON_SWITCH, f"limit switch closed after {BACK_OFF_DEG:g}°"
+                )
+            await axis.stop(orderly=True)
+            here = await self._rest()
+            await self._go(here + round(distance * CLEARANCE_DEG), config.approach_speed)
+        await board.limit_enable(channel, True)
 
     async def _coarse(self) -> int:
         if await self._inputs() & Inputs.HOME:
