@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from labmate import messages as m
+from labmate.calibration import Calibration
 from labmate.config import BaseConfig, CalibrationFile, OdometryConfig, read_calibration
 from labmate.connection import Connection
 from labmate.errors import MotionStopped, StopNotConfirmed, out_of_reach
@@ -92,7 +93,7 @@ class Base:
             await self.stop()
             standing = True
         except MedusaError as failed:
-            if error is None:
+            if error is None or isinstance(error, asyncio.CancelledError):
                 raise
             error.add_note(str(failed))
             _LOG.error("%s", failed)
@@ -112,6 +113,11 @@ class Base:
         if self._readings is None:
             raise CommandError("the base is not open")
         return self._readings
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """What the host's odometry was calibrated to; None: it reckons with what the base says of itself."""
+        return None if self._calibration is None else self._calibration.value
 
     @property
     def limits(self) -> Limits:
@@ -320,11 +326,15 @@ async def open_base(
     trace: Trace | None = None,
     poll_period: float = 0.25,
     seed: int | None = None,
+    name: str | None = None,
 ) -> AsyncIterator[Base]:
-    """Open a line with one base on it, and the base; leaving it leaves the base standing."""
+    """Open a line with one base on it, and the base; leaving it leaves the base standing.
+
+    `name`: what messages call it (default: the path). `seed`: for repeatable runs against an emulator.
+    """
     baud = 115200 if config is None else config.port.baud
     async with (
         Line(path, baud=baud, trace=trace, name="labmate", seed=seed) as line,
-        Base(line, config, path=path, calibration=calibration, poll_period=poll_period) as base,
+        Base(line, config, path=name or path, calibration=calibration, poll_period=poll_period) as base,
     ):
         yield base

@@ -159,9 +159,10 @@ class Connection:
         """PING whenever nothing else has fed the watchdog for a third of its time."""
         loop = asyncio.get_running_loop()
         while True:
-            idle = loop.time() - self._fed_at
-            if idle < period:
-                await asyncio.sleep(period - idle)
+            rest = self._fed_at + period - loop.time()
+            # A rest below the clock's resolution would be slept for ever.
+            if rest > 1e-3:
+                await asyncio.sleep(rest)
                 continue
             asked_at = loop.time()
             try:

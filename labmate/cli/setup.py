@@ -1,0 +1,99 @@
+"""Commands that look at the base and write its configuration; nothing moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from labmate.cli.options import DEFAULT_FILE, Options
+from labmate.cli.tables import pose_line, print_table, snapshot_document
+
+if TYPE_CHECKING:
+    from labmate.motion import BaseSnapshot
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(init)
+    app.command()(status)
+    app.command(context_settings={"ignore_unknown_options": True})(pose)
+
+
+def init(
+    context: typer.Context,
+    file: str = typer.Argument(DEFAULT_FILE, help="Where to write it."),
+    force: bool = typer.Option(False, "--force", help="Overwrite what is there."),
+) -> None:
+    """Write a commented configuration, its hazardous keys empty (with --sim: filled for the emulated base)."""
+    options: Options = context.obj
+    path = Path(file)
+    if path.exists() and not force:
+        options.fail(f"{file} exists; --force overwrites it")
+
+    async def body() -> None:
+        from labmate.config import template
+        from labmate.simulation import SIM_VALUES
+        from labmate.square_report import write_text
+
+        write_text(path, template(SIM_VALUES if options.sim else None))
+
+    options.run(body)
+    filled = "filled for the emulated base" if options.sim else "now fill in its empty keys"
+    options.show({"written": file}, lambda: print(f"{file} written; {filled}"))
+
+
+def status(context: typer.Context) -> None:
+    """What the base says of itself: mode, flags, battery, line statistics."""
+    options: Options = context.obj
+
+    async def body() -> tuple[BaseSnapshot, dict[str, Any]]:
+        async with options.base() as (base, _):
+            snapshot = await base.snapshot()
+            session = base.connection.session
+            counters = await session.statistics()
+            hello = session.hello
+            facts: dict[str, Any] = {
+                "wheel_base_mm": round(1e3 * base.hello.wheel_base, 1),
+                "counts_per_metre": base.hello.counts_per_metre,
+                "firmware": f"{hello.firmware >> 8}.{hello.firmware & 0xFF}" if hello else None,
+                "boot_count": hello.boot_count if hello else None,
+                "odometry_wheel_base_mm": round(1e3 * base.readings.geometry.wheel_base, 4),
+                "odometry_wheel_ratio": round(base.readings.geometry.wheel_ratio, 8),
+                "frames": counters.frames,
+                "crc_errors": counters.crc_errors,
+                "framing_errors": counters.framing_errors,
+                "watchdog_trips": counters.watchdog_trips,
+            }
+        return snapshot, facts
+
+    snapshot, facts = options.run(body)
+    document = snapshot_document(snapshot) | facts
+    options.show(document, lambda: print_table("Labmate", [{"": k, "value": v} for k, v in document.items()]))
+
+
+def pose(
+    context: typer.Context,
+    set_to: tuple[float, float, float] = typer.Option(
+        None, "--set", metavar="X Y HEADING", help="Tell the standing base where it is: m, m, degrees."
+    ),
+) -> None:
+    """Where the base believes it is, by its own odometry."""
+    options: Options = context.obj
+
+    async def body() -> tuple[BaseSnapshot, dict[str, Any]]:
+        from math import radians
+
+        from labmate.odometry import Pose
+        from labmate.square_report import pose_in_words
+
+        async with options.base() as (base, simulated):
+            if set_to is not None:
+                x, y, heading = set_to
+                await base.set_pose(Pose(x, y, radians(heading)))
+            snapshot = await base.snapshot()
+            true = {"true_pose": pose_in_words(simulated.true_pose())} if simulated is not None else {}
+        return snapshot, true
+
+    snapshot, true = options.run(body)
+    options.show(snapshot_document(snapshot) | true, lambda: print(pose_line(snapshot)))

@@ -1,0 +1,97 @@
+"""Readings of the base in words, tables and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from labmate.motion import BaseSnapshot, MotionReport
+
+
+def print_table(title: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """One row a mapping; its keys are the columns."""
+    from rich.console import Console
+
+    Console().print(make_table(title, rows))
+
+
+def make_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Any:
+    """The same as a renderable."""
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    columns = list(rows[0]) if rows else []
+    for column in columns:
+        right = all(isinstance(row[column], int | float) for row in rows)
+        table.add_column(column.replace("_", " "), justify="right" if right else "left")
+    for row in rows:
+        table.add_row(*(_cell(row[column]) for column in columns))
+    return table
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, list):
+        return ", ".join(str(item) for item in value) or "none"
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {item}" for key, item in value.items())
+    return str(value)
+
+
+def snapshot_document(snapshot: BaseSnapshot) -> dict[str, Any]:
+    """A snapshot for JSON: m, degrees, V."""
+    from math import degrees, sqrt
+
+    from labmate.messages import Flags
+    from labmate.motion import bumpers_in_words, pressed
+    from labmate.square_report import pose_in_words
+
+    spread = snapshot.covariance
+    return {
+        "mode": snapshot.mode.name.lower(),
+        "moving": bool(snapshot.flags & Flags.MOVING),
+        "bumpers": bumpers_in_words(pressed(snapshot.flags)) or "none",
+        "emergency_stop": bool(snapshot.flags & Flags.EMERGENCY_STOP),
+        "motor_power": bool(snapshot.flags & Flags.MOTOR_POWER),
+        "stalled": bool(snapshot.flags & Flags.STALLED),
+        "battery_v": round(snapshot.battery, 3),
+        "battery_low": bool(snapshot.flags & Flags.BATTERY_LOW),
+        "pose": pose_in_words(snapshot.pose),
+        "speed_m_s": round(snapshot.speed, 4),
+        "turn_rate_deg_s": round(degrees(snapshot.turn_rate), 2),
+        "odometry": pose_in_words(snapshot.odometry),
+        "odometry_deviation": {
+            "x_m": round(sqrt(spread[0][0]), 6),
+            "y_m": round(sqrt(spread[1][1]), 6),
+            "heading_deg": round(degrees(sqrt(spread[2][2])), 4),
+        },
+        "left_counts": snapshot.left_counts,
+        "right_counts": snapshot.right_counts,
+    }
+
+
+def pose_line(snapshot: BaseSnapshot) -> str:
+    """A pose in one line."""
+    from math import degrees
+
+    p = snapshot.pose
+    return f"x {p.x:.4f} m, y {p.y:.4f} m, heading {degrees(p.heading):.2f}°"
+
+
+def report_document(report: MotionReport) -> dict[str, Any]:
+    """A finished GO or TURN for JSON."""
+    from math import degrees
+
+    from labmate.square_report import pose_in_words
+
+    unit, scale = ("m", 1.0) if report.kind == "GO" else ("deg", degrees(1.0))
+    return {
+        "motion": report.kind,
+        f"commanded_{unit}": round(scale * report.commanded, 4),
+        f"travelled_{unit}": round(scale * report.travelled, 4),
+        "ending": report.reason,
+        "seconds": round(report.duration, 3),
+        "pose": pose_in_words(report.end),
+    }
