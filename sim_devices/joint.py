@@ -128,16 +128,16 @@ class Joint:
         """Take over a changed bridge, switch, sensor or limit."""
         self.motor.apply()
         self._show_levels()
-        self.ordinary = (
+        self._plain = (
             self.motor.bridge is Bridge.ENABLED
             and not self.motor.held_at_zero
-            and self.motor.friction == 0.0
-            and self._slack == 0.0
             and not self.motor.limit_can_act
             and self.forced_positive is None
             and self.forced_negative is None
         )
-        """Nothing but the motor's own law acts, away from every mark."""
+        """Nothing but the motor's own law and friction act, away from every mark."""
+        self.ordinary = self._plain and self.motor.friction == 0.0 and self._slack == 0.0
+        """And no friction, and no lost motion."""
 
     def free_range(self, rest: float) -> tuple[float, float]:
         """Return between what places the shaft may begin and end a step without reaching a mark in it.
@@ -185,7 +185,7 @@ class Joint:
                 motor.overload(0.0, h, self.foldback_s)
             self.t += h
             return
-        if self.ordinary and not self.index_armed and self._advance_freely(h):
+        if self._plain and not self.index_armed and self._advance_freely(h):
             self.t += h
             return
         while h > 0.0:
@@ -200,14 +200,31 @@ class Joint:
             tau = self.motor.constants.time_constant
             decay = exp(-h / tau)
             reach = tau * (1.0 - decay)
-        low, high = self.free_range(h - reach)
-        u = self.motor.target
-        there = self.m + (self.w * reach + u * (h - reach))
-        self._step = (h, decay, reach)
-        if not (low < self.m < high and low < there < high):
+            self._step = (h, decay, reach)
+        if self.ordinary:
+            low, high = self.free_range(h - reach)
+            u = self.motor.target
+            there = self.m + (self.w * reach + u * (h - reach))
+            if not (low < self.m < high and low < there < high):
+                return False
+            self.m = self.j = there
+            self.w = self.w * decay + u * (1.0 - decay)
+            return True
+        return self._advance_one_way(h, decay, reach)
+
+    def _advance_one_way(self, h: float, decay: float, reach: float) -> bool:
+        """Take the step with friction and lost motion, if the shaft neither turns nor reaches a mark in it."""
+        if not _NEGATIVE_SWITCH < self._zone < _POSITIVE_SWITCH:
             return False
-        self.m = self.j = there
-        self.w = self.w * decay + u * (1.0 - decay)
+        way = 1 if (self.w or self.motor.target) > 0.0 else -1
+        u = self.motor.target - way * self.motor.friction
+        w = self.w * decay + u * (1.0 - decay)
+        there = self.m + (self.w * reach + u * (h - reach))
+        mark = self._marks[self._zone] + self._slack if way > 0 else self._marks[self._zone - 1] - self._slack
+        if w * way <= 0.0 or (there - mark) * way >= 0.0:
+            return False
+        self._move(there, way)
+        self.w = w
         return True
 
     def settle(self) -> None:

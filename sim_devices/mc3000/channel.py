@@ -240,8 +240,8 @@ class Channel:
         if chip.flags & F0 and tick < self.profile_from:
             chip.profile_sample -= 1
         ended = chip.update_command()
-        error = abs(wrap24(chip.command - chip.actual))
-        if self.following_limit and error > self.following_limit:
+        limit = self.following_limit
+        if limit and abs(wrap24(chip.command - chip.actual)) > limit:
             self.go_idle()
             self.report(FOLLOWING_ERROR)
             return
