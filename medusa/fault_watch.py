@@ -105,7 +105,7 @@ class FaultWatch:
         return await self._amplifier_told(fault) if fault.kind is FaultKind.AMPLIFIER else ""
 
     async def _amplifier_told(self, fault: Fault) -> str:
-        told = []
+        told: list[str] = []
         for name in fault.axes:
             try:
                 told += (await self._amplifiers[name].status()).faults
