@@ -134,7 +134,8 @@ class Axis(Joint):
         if abs(per_sample) > MAX_SPEED_COUNTS:
             raise CommandError(
                 f"{self.name}: {math.degrees(velocity):.1f}°/s is {per_sample:.1f} counts a sample;"
-                f" the chip can do {MAX_SPEED_COUNTS}"
+                f" the chip can do {MAX_SPEED_COUNTS}: a sample period of"
+                f" {1e3 * self.sample_period(mode) * MAX_SPEED_COUNTS / abs(per_sample):.3f} ms would allow it"
             )
         await self._check_room(velocity)
         value = round(per_sample * units)

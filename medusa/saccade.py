@@ -35,6 +35,8 @@ class SaccadePlan:
     """rad."""
     profiles: dict[str, Trapezoid]
     periods: dict[str, float]
+    scales: dict[str, float]
+    """Counts per radian, positive."""
     early: tuple[str, ...]
     """Joints too near to be stretched: they end before the others."""
 
@@ -43,14 +45,17 @@ class SaccadePlan:
         """From START to the last command of the last joint, s."""
         return max((p.samples * self.periods[n] for n, p in self.profiles.items()), default=0.0)
 
+    def peak_speed(self, name: str) -> float:
+        """Greatest speed that a joint's profile reaches, rad/s."""
+        return self.profiles[name].peak_speed / (self.periods[name] * self.scales[name])
+
     def speeds(self, axes: Mapping[str, "Axis"]) -> dict[str, Speeds]:
         """Acceleration and speed of each joint that make the board take exactly these profiles."""
         wanted = {}
         for name, profile in self.profiles.items():
             if profile.distance == 0:
                 continue
-            config, period = axes[name].config, self.periods[name]
-            scale = config.counts_per_radian
+            config, period, scale = axes[name].config, self.periods[name], self.scales[name]
             # A register may lie just above the configured value it was rounded from; that one gives it again.
             wanted[name] = Speeds(
                 acceleration=min(profile.acceleration / 256 / (scale * period**2), config.acceleration),
@@ -133,7 +138,11 @@ def plan_saccade(
     stretched, early = stretch_together(originals.values(), periods.values())
     names = list(originals)
     return SaccadePlan(
-        dict(targets), dict(zip(names, stretched, strict=True)), periods, tuple(names[i] for i in early)
+        targets=dict(targets),
+        profiles=dict(zip(names, stretched, strict=True)),
+        periods=periods,
+        scales={name: axes[name].config.counts_per_radian for name in names},
+        early=tuple(names[i] for i in early),
     )
 
 

@@ -35,9 +35,13 @@ def make_profile(
     speed = speed_counts_s * period
     acceleration = acceleration_counts_s2 * period**2 * 256
     if not 0.5 <= speed <= MAX_SPEED_COUNTS:
+        limit = MAX_SPEED_COUNTS if speed > MAX_SPEED_COUNTS else 0.5
         raise CommandError(
             f"a speed of {speed_counts_s:.1f} counts/s is {speed:.2f} counts a sample at T={filter_.T};"
-            f" the chip can do 1 to {MAX_SPEED_COUNTS}"
+            f" the chip can do 1 to {MAX_SPEED_COUNTS}: a sample period of"
+            f" {1e3 * limit / speed_counts_s:.3f} ms would allow it"
+            if speed_counts_s > 0
+            else f"a speed of {speed_counts_s:.1f} counts/s moves nothing; it must be above 0"
         )
     if not 0.5 <= acceleration <= MAX_ACCELERATION_256:
         raise CommandError(

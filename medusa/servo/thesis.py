@@ -14,6 +14,29 @@ PERIOD = 2.048e-3
 """The sample period chosen in 6.4.1, s."""
 
 
+RESISTANCE = 4.0
+"""Joint-referred armature resistance of the emulated power stage, Ω; the thesis prints none."""
+
+
+@dataclass(frozen=True)
+class PhysicalConstants:
+    """Joint-referred motor, load, encoder and amplifier: R [Ω], J [kg m²], K_E [V s/rad], K_T [N m/A], E, K_A."""
+
+    resistance: float
+    inertia: float
+    back_emf: float
+    torque: float
+    encoder: float
+    amplifier: float
+
+    @property
+    def plant(self) -> Plant:
+        """T_M = R J/(K_E K_T) and C = K_D K_A E/K_E, thesis (6.5) and (6.2)–(6.7)."""
+        return Plant.from_constants(
+            self.resistance, self.inertia, self.back_emf, self.torque, self.encoder, self.amplifier
+        )
+
+
 @dataclass(frozen=True)
 class Joint:
     """One column of tables 6.1–6.3 with its printed plant and controller."""
@@ -34,6 +57,19 @@ class Joint:
     def plant(self) -> Plant:
         """T_M and C of the printed pole and gain at 2.048 ms."""
         return Plant.from_discrete(self.printed_gain, self.printed_pole, PERIOD)
+
+    @property
+    def constants(self) -> "PhysicalConstants":
+        """Joint-referred constants that give this plant: R of the power stage, K_T = K_E, J = T_M K_E K_T/R."""
+        back_emf = self.plant.back_emf(self.counts_per_radian, self.amplifier_gain)
+        return PhysicalConstants(
+            resistance=RESISTANCE,
+            inertia=self.plant.inertia(RESISTANCE, back_emf, back_emf),
+            back_emf=back_emf,
+            torque=back_emf,
+            encoder=self.counts_per_radian,
+            amplifier=self.amplifier_gain,
+        )
 
     @property
     def counts_per_radian(self) -> float:
