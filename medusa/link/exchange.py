@@ -17,7 +17,7 @@ from typing import Final
 from medusa.errors import DeviceSilent, MedusaError, PortError
 from medusa.link.events import Inbox, acknowledge
 from medusa.link.failure import NO_HELLO, Failures
-from medusa.link.frame import EVENT, REPLY, REQUEST, Message, encode_frame
+from medusa.link.frame import EVENT, REPLY, Message, encode_frame, encode_request
 from medusa.link.messages import EMERGENCY_STOP, HELLO
 from medusa.link.numbers import SequenceNumbers
 from medusa.link.owner import Counters, Owner
@@ -70,14 +70,15 @@ class Exchange:
     def submit(self, request: Request, now: float) -> None:
         """Take a request in: it is sent now, later, or finished with an error."""
         self.counters.requests += 1
-        if self.state is not State.OPEN and not self._admits(request):
-            return
-        if request.stops:
-            self.withdraw(now, request)
-        elif self.state is State.OPEN and not (self._waiting or self._live or self._ghosts):
+        if self.state is not State.OPEN:
+            if not self._admits(request):
+                return
+        elif not (self._waiting or self._live or self._ghosts or request.stops):
             if not self._send(request, now):
                 self._waiting.append(request)
             return
+        if request.stops:
+            self.withdraw(now, request)
         if request.urgent and self._may_interrupt(request, now):
             self._send(request, now)
         elif request.urgent:
@@ -116,7 +117,10 @@ class Exchange:
             else:
                 del self._live[message.sequence]
                 self._numbers.answered(message.sequence, now, request.sendings - 1)
-                self._answered(message, request)
+                if message.axis == 0 and self.state is State.OPEN:
+                    self._owner.finish(request, message.payload)
+                else:
+                    self._answered(message, request)
             if self._live or self._ghosts:
                 self._heard_only_partly(now)
             if self._waiting:
@@ -192,22 +196,19 @@ class Exchange:
     def _send(self, request: Request, now: float) -> bool:
         if request.urgent:
             number: int | None = self._numbers.take_anyway(now)
+            for other in self._live.values():
+                other.final |= self._forgettable(other)
         else:
-            number = self._numbers.take(now, kept=request.operation != HELLO)
+            number = self._numbers.take(now, request.operation != HELLO)
         if number is None:
             self._starve(now)
             return False
-        if request.urgent:
-            for other in self._live.values():
-                other.final |= self._forgettable(other)
         # A live one sent earlier may act later, by a repeat: it counts like one sent after this.
         self._sent += 1
         request.order = self._sent - len(self._live)
         request.number = number
         request.sendings = 1
-        request.frame = encode_frame(
-            Message(self.address, REQUEST, number, request.operation, request.axis, request.payload)
-        )
+        request.frame = encode_request(self.address, number, request.operation, request.axis, request.payload)
         self._live[number] = request
         if request.operation == HELLO:
             self._before = State.CLOSED if self.state is State.OPEN else self.state
@@ -216,16 +217,17 @@ class Exchange:
         return True
 
     def _put_on_line(self, request: Request, now: float) -> None:
-        request.due = now + request.deadline
-        if request.due < self.due:
-            self.due = request.due
+        request.due = due = now + request.deadline
+        if due < self.due:
+            self.due = due
         if self._unheard_since is None:
             self._heard_only_partly(now)
         self._owner.send(request.frame)
 
     def _heard_only_partly(self, now: float) -> None:
         self._unheard_since = now
-        self.due = min(self.due, now + SILENCE_S)
+        if now + SILENCE_S < self.due:
+            self.due = now + SILENCE_S
 
     def _starve(self, now: float) -> None:
         """Every number is out of use; only answers or time bring one back."""

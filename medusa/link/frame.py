@@ -16,6 +16,7 @@ ACKNOWLEDGEMENT: Final = 3
 
 KIND_NAMES: Final = ("request", "reply", "event", "ack")
 MAX_PAYLOAD: Final = 64
+_new_tuple = tuple.__new__
 _MIN_MESSAGE: Final = 4
 _CRC_BYTES: Final = 2
 # 68 bytes of message and the CRC, which COBS makes one byte longer; the 00 is not part of it.
@@ -55,6 +56,13 @@ def encode_frame(message: Message) -> bytes:
     return encoded + b"\0"
 
 
+def encode_request(address: int, number: int, operation: int, axis: int, payload: bytes) -> bytes:
+    """Return the bytes of a request whose fields are known to be in range."""
+    body = bytes((address, number, operation, axis)) + payload
+    encoded: bytes = cobs.encode(body + crc_hqx(body, 0).to_bytes(2, "big"))
+    return encoded + b"\0"
+
+
 def decode_body(encoded: bytes) -> Message | Rejected:
     """Return the message between two 00, or why there is none."""
     if len(encoded) > _MAX_ENCODED:
@@ -68,7 +76,8 @@ def decode_body(encoded: bytes) -> Message | Rejected:
     if crc_hqx(body, 0):
         return Rejected("bad CRC", encoded)
     head = body[1]
-    return Message(body[0], head >> 6, head & 0x3F, body[2], body[3], body[4:-2])
+    # Message(…) without its Python-level __new__, which would cost as much as COBS and CRC together.
+    return _new_tuple(Message, (body[0], head >> 6, head & 0x3F, body[2], body[3], body[4:-2]))
 
 
 class Decoder:
@@ -82,6 +91,12 @@ class Decoder:
 
     def feed(self, data: bytes) -> list[Message | Rejected]:
         """Return what these bytes completed, in order."""
+        if not self._tail and data.find(b"\0") == len(data) - 1 and data:
+            # The usual case: one whole frame.
+            item = decode_body(data[:-1])
+            if type(item) is Message:
+                self.frames += 1
+                return [item]
         *bodies, tail = (self._tail + data).split(b"\0")
         # A run without 00 is already too long after 72 bytes: what follows of it need not be kept.
         self._tail = tail[: _MAX_ENCODED + 1]

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from medusa.errors import MedusaError, NoReply, PortError
+from medusa.link.answer import Answer
 from medusa.link.frame import (
     ACKNOWLEDGEMENT,
     EVENT,
@@ -63,6 +64,7 @@ class Line:
         self._recovery: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing = False
+        self._woken: list[Answer] | None = None
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -159,18 +161,38 @@ class Line:
             self._record(TO_DEVICE, frame)
         self._port.write_ahead(frame)
 
+    def wake(self, answer: Answer) -> None:
+        """Resume who waits for an answer: at the end of the read that brought it, else in the next turn."""
+        if self._woken is None:
+            answer.resume_soon()
+        else:
+            self._woken.append(answer)
+
     def _received(self, data: bytes) -> None:
-        for item in self.decoder.feed(data):
-            if self._trace is not None:
-                self._record(TO_HOST, item)
-            if type(item) is Message:
-                session = self._sessions.get(item.address)
-                if session is not None:
-                    session.receive(item)
+        woken: list[Answer] = []
+        self._woken = woken
+        try:
+            now = self._loop.time() if self._loop is not None else 0.0
+            for item in self.decoder.feed(data):
+                if self._trace is not None:
+                    self._record(TO_HOST, item)
+                if type(item) is Message:
+                    session = self._sessions.get(item.address)
+                    if session is not None:
+                        session.receive(item, now)
+                    else:
+                        log.debug("%s: a message from %02XH, whom nobody asked", self.name, item.address)
                 else:
-                    log.debug("%s: a message from %02XH, which nobody talks to", self.name, item.address)
-            else:
-                log.debug("%s: dropped (%s) %s", self.name, *item)
+                    log.debug("%s: dropped (%s) %s", self.name, *item)
+        finally:
+            self._woken = None
+        try:
+            while woken:
+                woken.pop(0).resume()
+        finally:
+            # Only a KeyboardInterrupt or the like leaves any.
+            for answer in woken:
+                answer.resume_soon()
 
     def _record(self, direction: str, what: bytes | Message | Rejected) -> None:
         if self._trace is None or self._loop is None:

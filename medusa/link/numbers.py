@@ -21,7 +21,7 @@ class SequenceNumbers:
         self._copies = [0] * COUNT
         self._heard = [True] * COUNT
 
-    def take(self, now: float, *, kept: bool = True) -> int | None:
+    def take(self, now: float, kept: bool = True) -> int | None:
         """Return the next number in rising order that may be used, None when there is none.
 
         `kept` is False for a HELLO, which a device never answers from memory.
@@ -30,7 +30,9 @@ class SequenceNumbers:
         bound = self._answered if kept else _LIVE - 1
         for _ in range(COUNT):
             if self._usable_from[number] <= bound and self._until[number] <= now:
-                return self._given(number)
+                self._usable_from[number] = _LIVE
+                self._next = (number + 1) % COUNT
+                return number
             number = (number + 1) % COUNT
         return None
 
@@ -39,25 +41,25 @@ class SequenceNumbers:
         number = self.take(now)
         if number is not None:
             return number
-        return self._given(min(range(COUNT), key=lambda n: (self._usable_from[n], self._until[n])))
-
-    def _given(self, number: int) -> int:
-        self._next = (number + 1) % COUNT
+        number = min(range(COUNT), key=lambda n: (self._usable_from[n], self._until[n]))
         self._usable_from[number] = _LIVE
+        self._next = (number + 1) % COUNT
         return number
 
     def answered(self, number: int, now: float, copies_left: int) -> None:
         """Take a number back whose request was answered; copies sent in repeats may each be answered yet."""
         self._answered += 1
-        self._back(number, now, copies_left, heard=True)
+        self._usable_from[number] = self._answered + _ANSWERS_BEFORE_REUSE
+        if copies_left:
+            self._keep_out(number, now, copies_left, heard=True)
 
     def abandoned(self, number: int, now: float, copies_left: int) -> None:
         """Take a number back whose request ended without an answer to any of its copies."""
-        self._back(number, now, copies_left, heard=False)
-
-    def _back(self, number: int, now: float, copies_left: int, *, heard: bool) -> None:
-        self._heard[number] = heard
         self._usable_from[number] = self._answered + _ANSWERS_BEFORE_REUSE
+        self._keep_out(number, now, copies_left, heard=False)
+
+    def _keep_out(self, number: int, now: float, copies_left: int, *, heard: bool) -> None:
+        self._heard[number] = heard
         self._copies[number] = copies_left
         self._until[number] = now + QUARANTINE_S if copies_left else 0.0
 

@@ -1,8 +1,8 @@
 """One request on its way through an exchange."""
 
-from asyncio import Future
 from typing import Final
 
+from medusa.link.answer import Answer
 from medusa.link.frame import Message
 from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
 
@@ -13,26 +13,14 @@ BAD_LENGTH: Final = 3
 class Request:
     """What is asked, how it depends on others, and how far it has come."""
 
-    __slots__ = (
-        "axis",
-        "damaged",
-        "deadline",
-        "due",
-        "final",
-        "frame",
-        "future",
-        "moves",
-        "number",
-        "operation",
-        "order",
-        "payload",
-        "reads",
-        "reply_size",
-        "sendings",
-        "stops",
-        "times_damaged",
-        "urgent",
-    )
+    frame: bytes = b""
+    number: int = -1
+    sendings: int = 0
+    order: int = 0
+    due: float = 0.0
+    final: bool = False
+    damaged: Message | None = None
+    times_damaged: int = 0
 
     def __init__(
         self,
@@ -40,34 +28,27 @@ class Request:
         axis: int,
         payload: bytes,
         deadline: float,
-        *,
         reads: bool = False,
         moves: bool = False,
         stops: bool = False,
         urgent: bool | None = None,
         reply_size: int | None = None,
-        future: "Future[bytes] | None" = None,
+        answer: Answer | None = None,
     ) -> None:
         self.operation = operation
         self.axis = axis
         self.payload = payload
         self.deadline = deadline
-        self.reads = reads or operation in (PING, STATISTICS)
+        self.reads = reads
         self.moves = moves
-        self.stops = stops or operation in (HELLO, EMERGENCY_STOP, CLEAR)
-        if urgent is None:
-            urgent = self.stops and operation not in (HELLO, CLEAR)
-        self.urgent = urgent
+        self.stops = stops
+        self.urgent = stops if urgent is None else urgent
         self.reply_size = reply_size
-        self.damaged: Message | None = None
-        self.times_damaged = 0
-        self.future = future
-        self.frame = b""
-        self.number = -1
-        self.sendings = 0
-        self.order = 0
-        self.due = 0.0
-        self.final = False
+        self.answer = answer
+        if operation <= CLEAR:
+            self.reads = reads or operation in (PING, STATISTICS)
+            self.stops = stops or operation in (HELLO, EMERGENCY_STOP, CLEAR)
+            self.urgent = operation == EMERGENCY_STOP
 
     def depends_on(self, earlier: "Request") -> bool:
         """Return whether this one must act after the earlier one."""
@@ -87,12 +68,12 @@ class Request:
 
     def is_answered_by(self, reply: Message) -> bool:
         """Whether it is the one the reply answers; a HELLO takes only its own nonce (a refusal has none)."""
-        if reply.operation != self.operation:
-            return False
-        return self.operation != HELLO or reply.axis != 0 or reply.payload[:2] == self.payload
+        if self.operation != HELLO:
+            return reply.operation == self.operation
+        return reply.operation == HELLO and (reply.axis != 0 or reply.payload[:2] == self.payload)
 
     def is_damaged_by(self, reply: Message) -> bool:
         """Whether the reply is of the wrong size, or says "bad length" to a right one: worth a repeat."""
-        if reply.axis == BAD_LENGTH:
-            return self.repeatable
-        return reply.axis == 0 and self.reply_size not in (None, len(reply.payload))
+        if reply.axis == 0:
+            return self.reply_size is not None and self.reply_size != len(reply.payload)
+        return reply.axis == BAD_LENGTH and self.repeatable

@@ -7,8 +7,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, PortError
+from medusa.link.answer import Answer
 from medusa.link.exchange import NEVER, Exchange, State
-from medusa.link.frame import Message
+from medusa.link.frame import MAX_PAYLOAD, Message
 from medusa.link.messages import (
     CLEAR,
     EMERGENCY_STOP,
@@ -57,6 +58,8 @@ class Session:
         self.generation = 0
         self.may_move = False
         self.wanted = False
+        self.send = line.write
+        self.unsend = line.unsend
         self._exchange = Exchange(address, self)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -148,28 +151,26 @@ class Session:
                 operation=operation,
                 axis=axis,
             )
+        if len(payload) > MAX_PAYLOAD:
+            text = f"device {self.address:02X}H, {self.name(operation)}: payload of {len(payload)} bytes"
+            raise CommandError(f"{text}, at most {MAX_PAYLOAD}", operation=operation, axis=axis)
         loop = self._loop
         if loop is None:
             loop = self._loop = asyncio.get_running_loop()
-        future: asyncio.Future[bytes] = loop.create_future()
-        request = Request(
-            operation,
-            axis,
-            payload,
-            line.reply_timeout if deadline is None else deadline,
-            reads=reads,
-            moves=moves,
-            stops=stops,
-            urgent=urgent,
-            reply_size=self._reply_sizes.get(operation) if reply_size is None else reply_size,
-            future=future,
-        )
-        self._exchange.submit(request, loop.time())
-        self._arm()
+        answer = Answer(loop)
+        if deadline is None:
+            deadline = line.reply_timeout
+        if reply_size is None:
+            reply_size = self._reply_sizes.get(operation)
+        request = Request(operation, axis, payload, deadline, reads, moves, stops, urgent, reply_size, answer)
+        exchange = self._exchange
+        exchange.submit(request, loop.time())
+        if exchange.due < self._timer_due:
+            self._arm()
         try:
-            return await future
+            return await answer
         except asyncio.CancelledError:
-            self._exchange.cancel(request, loop.time())
+            exchange.cancel(request, loop.time())
             self._arm()
             raise
 
@@ -242,10 +243,12 @@ class Session:
         """Return the operation's name for messages."""
         return self._names.get(operation) or f"operation {operation:02X}H"
 
-    def receive(self, message: Message) -> None:
+    def receive(self, message: Message, now: float) -> None:
         """Take in a message that the line received from this device."""
-        self._exchange.receive(message, self._time())
-        self._arm()
+        exchange = self._exchange
+        exchange.receive(message, now)
+        if exchange.due < self._timer_due:
+            self._arm()
 
     def withdraw_motion(self) -> None:
         """Withdraw every unanswered motion: a broadcast stop goes out."""
@@ -262,23 +265,11 @@ class Session:
         else:
             _tell(self._loss_watchers, PortError(self.line.path, reason))
 
-    def send(self, frame: bytes) -> None:
-        """Write a frame behind those written before."""
-        self.line.write(frame)
-
-    def unsend(self, frame: bytes) -> bool:
-        """Take back a frame of which no byte has left the host yet."""
-        return self.line.unsend(frame)
-
     def finish(self, request: Request, result: bytes | MedusaError) -> None:
         """Hand the reply's payload, or the error, to the one who asked."""
-        future = request.future
-        if future is None or future.done():
-            return
-        if isinstance(result, bytes):
-            future.set_result(result)
-        else:
-            future.set_exception(result)
+        answer = request.answer
+        if answer is not None and answer.settle(result):
+            self.line.wake(answer)
 
     def deliver(self, event: Event) -> None:
         """Hand an event on."""
@@ -299,9 +290,11 @@ class Session:
     def _arm(self) -> None:
         """Keep one timer for all deadlines; one that is early enough stays, and looks again when it fires."""
         due = self._exchange.due
-        if due < self._timer_due and self._loop is not None:
+        if due < self._timer_due:
             if self._timer is not None:
                 self._timer.cancel()
+            if self._loop is None:
+                self._loop = asyncio.get_running_loop()
             self._timer_due = due
             self._timer = self._loop.call_at(due, self._expire)
 
