@@ -1,0 +1,100 @@
+"""A host that is killed while it jogs a joint: the joint stands by the board's watchdog."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BIN = Path(sys.executable).parent
+JOG_DEG_S = 10.0
+WATCHDOG_S, RAMP_S = 0.4, 0.21
+SCHEDULING_S = 0.5
+"""What a busy machine may delay: a frame under way, or a process between two of its lines."""
+
+HOST = """
+import asyncio, math, sys
+from medusa.config_simulated import simulated_config
+from medusa.head import Head
+
+async def jog():
+    async with Head.open(simulated_config(), sys.argv[1], sys.argv[2]) as head:
+        await head.home(["pan"])
+        await head.velocity({"pan": math.radians(float(sys.argv[3]))})
+        print("jogging", flush=True)
+        await asyncio.sleep(60)
+
+asyncio.run(jog())
+"""
+
+
+def joint(links: Path) -> dict[str, Any]:
+    told = subprocess.run(
+        [BIN / "sim-devices", "inspect", "--links", links], capture_output=True, check=True, timeout=30
+    )
+    pan: dict[str, Any] = json.loads(told.stdout)["head"]["joints"]["pan"]
+    return pan
+
+
+def joint_when(links: Path, reached: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """The joint as soon as it is as wished; as it is after a generous while."""
+    deadline = time.monotonic() + 20
+    pan = joint(links)
+    while not reached(pan) and time.monotonic() < deadline:
+        pan = joint(links)
+    return pan
+
+
+@pytest.fixture
+def links(tmp_path: Path) -> Iterator[Path]:
+    bench = tmp_path / "bench.toml"
+    bench.write_text("[head.start_deg]\npan = -22.5\n")
+    served = subprocess.Popen(
+        [BIN / "sim-devices", "run", "--config", bench, "--links", tmp_path / "links", "--seed", "1"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert served.stdout is not None
+    try:
+        for line in served.stdout:
+            if line.strip() == "ready":
+                break
+        yield tmp_path / "links"
+    finally:
+        served.send_signal(signal.SIGTERM)
+        assert served.wait(timeout=30) == 0
+        served.stdout.close()
+
+
+@pytest.mark.real_time
+def test_a_joint_stands_within_watchdog_and_ramp_after_its_host_was_killed(links: Path) -> None:
+    host = subprocess.Popen(
+        [sys.executable, "-c", HOST, links / "mc3000", links / "servo-amps", str(JOG_DEG_S)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert host.stdout is not None
+    assert host.stdout.readline().strip() == "jogging"
+    asked = time.monotonic()
+    before = joint(links)
+    os.kill(host.pid, signal.SIGKILL)
+    unknown = time.monotonic() - asked
+    host.wait()
+    host.stdout.close()
+    after = joint_when(links, lambda pan: pan["mode"] == 0 and abs(pan["velocity"]) < 1e-6)
+    assert abs(before["velocity"]) > 0
+    assert (after["mode"], after["motor_command"]) == (0, 0)
+    assert after["velocity"] == pytest.approx(0.0, abs=1e-6)
+    # It went on for the watchdog and the ramp, and for what passed between the reading and the kill.
+    limit = 0.1745 * (unknown + WATCHDOG_S + RAMP_S + SCHEDULING_S)
+    assert 0.0 <= after["angle"] - before["angle"] <= limit
+    # Long after that the amplifier's own watchdog has switched the bridge off, and nothing has moved.
+    final = joint_when(links, lambda pan: pan["bridge"] == "inhibited")
+    assert final["bridge"] == "inhibited"
+    assert final["angle"] == pytest.approx(after["angle"], abs=1e-6)
