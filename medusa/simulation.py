@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from medusa.config import HeadConfig
 from medusa.config_simulated import simulated_config
+from medusa.kinematics import HeadGeometry
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from medusa.head import Head
     from medusa.link import Trace
     from perception.camera.intrinsics import Intrinsics
@@ -18,6 +22,7 @@ if TYPE_CHECKING:
     from sim_devices.bench import Bench, Part
     from sim_devices.head import HeadMachine
     from sim_devices.stereo import StereoWorld
+    from sim_devices.worlds.config import WorldConfig
 
 T = TypeVar("T")
 
@@ -55,6 +60,30 @@ class SimulatedHead:
             raise ValueError("simulated_head was started without a world: there is nothing to see")
         return simulated_cameras(self.world, stall_after=stall_after)
 
+    def geometry(self) -> HeadGeometry:
+        """What a perfect calibration of the head would say; raises ValueError without a world."""
+        if self.world is None:
+            raise ValueError("simulated_head was started without a world: it has no cameras")
+        true = self.world.geometry
+        return HeadGeometry(true.baseline, true.left.offset, true.right.offset)
+
+    def target_patch(self) -> NDArray[np.uint8]:
+        """The textured target as a picture of its own, at the size it has where it begins."""
+        import cv2
+        import numpy as np
+
+        if self.world is None or self.world.target is None:
+            raise ValueError("simulated_head was started without a target")
+        config, lens = self.world.config.target, self.world.optics
+        side = max(7, round(0.8 * config.size_m / config.distance_m.mean * lens.fx))
+        texture = self.world.target.painting
+        if callable(texture):
+            raise ValueError("a screen has no patch of its own; follow its bright target")
+        whole = texture.levels[0]
+        margin = round(0.1 * whole.shape[0])
+        middle = whole[margin : whole.shape[0] - margin, margin : whole.shape[1] - margin]
+        return np.asarray(cv2.resize(middle, (side, side), interpolation=cv2.INTER_AREA), np.uint8)
+
     def intrinsics(self) -> Intrinsics:
         """What a perfect calibration of either camera would say; raises ValueError without a world."""
         from perception.camera.intrinsics import Intrinsics
@@ -63,6 +92,35 @@ class SimulatedHead:
             raise ValueError("simulated_head was started without a world: it has no cameras")
         lens = self.world.optics
         return Intrinsics(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy)
+
+
+def simulated_surroundings(
+    *, target: str, screen: str, pixels: int, rate: float, latency_ms: float
+) -> WorldConfig:
+    """A room with a lamp or a textured target, or `screen`'s pictures on a swinging screen, for `--sim`."""
+    from sim_devices.worlds.config import CamerasConfig, PathConfig, TargetConfig, WorldConfig
+
+    if screen:
+        seen = TargetConfig(
+            kind="screen",
+            pictures=screen,
+            picture_rate_hz=rate,
+            azimuth_deg=PathConfig(kind="sine", amplitude=15.0, frequency_hz=0.1),
+            elevation_deg=PathConfig(),
+            distance_m=PathConfig(mean=2.0),
+        )
+    elif target == "texture":
+        seen = TargetConfig(kind="texture", size_m=0.3)
+    else:
+        seen = TargetConfig(kind="lamp", size_m=0.08)
+    cameras = CamerasConfig(
+        width=pixels,
+        height=pixels,
+        field_of_view_deg=60.0 if screen else 40.0,
+        rate_hz=rate,
+        latency_ms=latency_ms,
+    )
+    return WorldConfig(target=seen, cameras=cameras)
 
 
 @asynccontextmanager

@@ -1,0 +1,171 @@
+"""medusa-ctl track: find a target with both cameras, jump to it, follow it, keep both eyes on it."""
+
+import asyncio
+import json
+import math
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from medusa.cli.options import Options
+from medusa.cli.tables import print_table
+
+if TYPE_CHECKING:
+    from medusa.cli.track_eyes import Eyes
+    from medusa.gaze.assembly import GazeChoice
+    from medusa.gaze.loop import GazeLoop
+    from medusa.gaze.track_log import TrackLog
+    from medusa.head import Head
+
+
+def register(app: typer.Typer) -> None:
+    app.command()(track)
+
+
+def track(
+    context: typer.Context,
+    seconds: float = typer.Option(20.0, min=0.5, max=3600.0, help="For how long."),
+    controller: str = typer.Option("predictive", help="predictive, or thesis: the PID of 6.5."),
+    gains: str = typer.Option("iv", help="Column of table 6.4, for the thesis's controller."),
+    coordination: str = typer.Option("i", help="i eyes first, ii neck follows, iii shared (6.5.3)."),
+    rate: float = typer.Option(6.0, min=0.5, max=200.0, help="Pictures a second."),
+    left: str = typer.Option("", metavar="CAMERA", help="Device, by-id name, file, folder or address."),
+    right: str = typer.Option("", metavar="CAMERA", help="The right eye's."),
+    cameras: str = typer.Option(
+        "", metavar="FILE", help="Intrinsics [left], [right] and [head], by calibrate."
+    ),
+    threshold: int = typer.Option(200, min=0, max=254, help="Grey level that a bright target exceeds."),
+    least_area: float = typer.Option(0.0, min=0.0, help="Gate by area, square pixels; 0: no gate."),
+    roundness: float = typer.Option(0.0, min=0.0, max=1.0, help="Gate by shape: 1 only filled ellipses."),
+    patch: str = typer.Option(
+        "", metavar="FILE", help="Follow this textured patch instead of a bright spot."
+    ),
+    screen: str = typer.Option("", metavar="DIR", help="With --sim: real pictures on a swinging screen."),
+    target: str = typer.Option("lamp", help="With --sim: lamp or texture."),
+    pixels: int = typer.Option(64, min=16, max=1024, help="With --sim: width and height of the pictures."),
+    latency: float = typer.Option(60.0, min=0.0, max=2000.0, help="With --sim: of a picture, ms."),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where figure and table go.")] = Path("out/track"),
+    video: str = typer.Option("", metavar="FILE", help="Save both eyes' annotated pictures: .avi or .mp4."),
+) -> None:
+    """Find a target with both eyes, jump to it, follow it, keep both eyes on it; then a table and a figure."""
+    options: Options = context.obj
+    wish = {
+        "threshold": threshold, "least_area": least_area, "roundness": roundness, "patch": patch,
+        "screen": screen, "target": target, "pixels": pixels, "latency": latency, "rate": rate,
+        "left": left, "right": right, "cameras": cameras,
+    }  # fmt: skip
+
+    async def body() -> "tuple[TrackLog, dict[str, Any]]":
+        from medusa.cli.track_eyes import real_eyes, simulated_eyes, simulated_world
+        from medusa.gaze.assembly import GazeChoice
+
+        choice = GazeChoice(rate, controller, gains, coordination)
+        world = simulated_world(wish) if options.sim else None
+        async with AsyncExitStack() as stack:
+            head, simulated = await stack.enter_async_context(options.head(homed=True, world=world))
+            opened = simulated_eyes(simulated, wish) if simulated is not None else real_eyes(wish)
+            eyes = await stack.enter_async_context(opened)
+            log, document = await _follow(options, head, eyes, choice, seconds, video)
+        return log, document
+
+    _make_folder(options, out)
+    log, document = options.run(body)
+    _leave(options, log, document, out)
+    options.show(document, lambda: print_table("gaze, degrees and milliseconds", _rows(document)))
+    options.say("left behind: " + ", ".join(document["files"]))
+
+
+def _make_folder(options: Options, out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        options.fail(f"{out}: {error.strerror}", 4)
+
+
+def _leave(options: Options, log: "TrackLog", document: dict[str, Any], out: Path) -> None:
+    from medusa.gaze.track_figure import draw_track
+
+    try:
+        (out / "track.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        draw_track(log, out / "track.png", start=document["start"])
+    except OSError as error:
+        options.fail(f"{error.filename or out}: {error.strerror}", 4)
+    document["files"] += [str(out / "track.json"), str(out / "track.png")]
+
+
+async def _follow(
+    options: Options, head: "Head", eyes: "Eyes", choice: "GazeChoice", seconds: float, video: str
+) -> "tuple[TrackLog, dict[str, Any]]":
+    from medusa.gaze.film import Film
+    from medusa.gaze.loop import GazeLoop
+    from perception.camera.pairing import paired
+
+    loop = asyncio.get_running_loop()
+    async with AsyncExitStack() as stack:
+        film = None
+        if video:
+            film = Film(Path(video), eyes.intrinsics, choice.frame_rate, start=loop.time())
+            stack.callback(film.close)
+
+            async def record() -> None:
+                async for pair in paired(*eyes.cameras, bound=0.005, patience=0.03):
+                    film.add_pair(pair)
+
+            recorder = loop.create_task(record(), name="film both eyes")
+            stack.callback(recorder.cancel)
+        gaze_loop = GazeLoop(
+            head, eyes.cameras, eyes.retina(), choice.make_gaze(head, eyes.geometry),
+            choice.loop_settings(head, eyes.geometry),
+            on_pair=None if film is None else film.add_sighting,
+        )  # fmt: skip
+        start = loop.time()
+        progress = loop.create_task(_tell(options, gaze_loop, start), name="tell how it goes")
+        stack.callback(progress.cancel)
+        options.say(f"tracking for {seconds:g} s: {choice.controller}, coordination ({choice.coordination})")
+        log = await gaze_loop.run(seconds)
+        camera_counts = {camera.name: vars(camera.statistics) for camera in eyes.cameras}
+    summary = log.summary(since=start + min(2.0, seconds / 4.0))
+    document = {
+        **summary,
+        "start": start,
+        "seconds": round(loop.time() - start, 3),
+        "controller": choice.controller,
+        "coordination": choice.coordination,
+        "holds": [reason for _, reason in log.holds][-3:],
+        "cameras": camera_counts,
+        "files": [video] if video else [],
+    }
+    return log, document
+
+
+async def _tell(options: Options, gaze_loop: "GazeLoop", start: float) -> None:
+    """A line of progress every two seconds."""
+    loop = asyncio.get_running_loop()
+    while True:
+        await asyncio.sleep(2.0)
+        rows = [row for row in gaze_loop.log.rows if row.stamp > loop.time() - 2.0]
+        errors = [math.degrees(gaze_loop.log.retinal_error(row)) for row in rows]
+        seen = [error for error in errors if not math.isnan(error)]
+        worst = f"worst error {max(seen):5.2f}°" if seen else "target not seen"
+        jumps = len(gaze_loop.log.saccades)
+        options.say(
+            f"{loop.time() - start:6.1f} s  {len(seen):3d} of {len(rows):3d} pictures  {worst}  {jumps} saccades"
+        )
+
+
+def _rows(document: dict[str, Any]) -> list[dict[str, Any]]:
+    labels = {
+        "rms_error_deg": "RMS error [°]", "median_error_deg": "median error [°]", "peak_error_deg": "peak error [°]",
+        "median_vergence_error_deg": "median vergence error [°]", "median_latency_ms": "latency [ms]",
+        "saccades": "saccades", "pictures": "pictures", "seen": "with the target",
+        "blind_frames": "exposed in saccades", "late_frames": "too late",
+    }  # fmt: skip
+    rows = [
+        {"figure": label, "value": "–" if (value := document[key]) is None else f"{value:.3g}"}
+        for key, label in labels.items()
+    ]
+    if document["limited"]:
+        rows.append({"figure": "held at an end of travel", "value": ", ".join(document["limited"])})
+    return rows

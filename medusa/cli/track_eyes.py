@@ -1,0 +1,124 @@
+"""The two eyes of a tracking run: emulated cameras in a rendered room, or real ones with their calibration."""
+
+import tomllib
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from medusa.errors import CommandError
+from medusa.gaze.assembly import bright_detectors, patch_detectors
+from medusa.gaze.retina import Detector, Retina
+from medusa.kinematics import HeadGeometry
+from perception.camera.device import CaptureSettings, open_camera
+from perception.camera.intrinsics import Intrinsics, load_intrinsics
+from perception.camera.slot import SlotCamera
+from perception.target import Shape
+
+if TYPE_CHECKING:
+    from medusa.simulation import SimulatedHead
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """Cameras, lenses, geometry and detectors of both eyes."""
+
+    cameras: tuple[SlotCamera, SlotCamera]
+    intrinsics: tuple[Intrinsics, Intrinsics]
+    geometry: HeadGeometry
+    detectors: tuple[Detector, Detector]
+
+    def retina(self) -> Retina:
+        """What turns pairs of pictures into sightings."""
+        return Retina(*self.intrinsics, *self.detectors)
+
+
+def simulated_world(wish: Mapping[str, Any]) -> Any:
+    """The emulated surroundings that the command line asks for; raises CommandError."""
+    from medusa.simulation import simulated_surroundings
+
+    if wish["left"] or wish["right"] or wish["cameras"]:
+        raise CommandError("--sim brings its own cameras: leave --left, --right and --cameras out")
+    if wish["target"] not in ("lamp", "texture"):
+        raise CommandError(f"there is no emulated target {wish['target']!r}; there is lamp, texture")
+    return simulated_surroundings(
+        target=wish["target"], screen=wish["screen"], pixels=wish["pixels"], rate=wish["rate"],
+        latency_ms=wish["latency"],
+    )  # fmt: skip
+
+
+@asynccontextmanager
+async def simulated_eyes(simulated: "SimulatedHead", wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
+    """Both emulated eyes; what a perfect calibration would say of them."""
+    lens = simulated.intrinsics()
+    if wish["patch"] or wish["target"] == "texture":
+        patch = _read_patch(wish["patch"]) if wish["patch"] else simulated.target_patch()
+        detectors = patch_detectors(patch)
+    elif wish["screen"]:
+        # The disc is some 0.15 of the picture's width; the background's bright parts are larger or ragged.
+        size = min(lens.width, 128)
+        area = float(wish["least_area"]) or 0.02 * lens.width**2
+        round_enough = wish["roundness"] or 0.93
+        shape = Shape(area * (size / lens.width) ** 2, 0.3 * size**2, round_enough, 0.4)
+        detectors = bright_detectors(wish["threshold"], size=size, shape=shape)
+    else:
+        detectors = bright_detectors(wish["threshold"], shape=_shape(wish))
+    async with simulated.cameras() as cameras:
+        yield Eyes(cameras, (lens, lens), simulated.geometry(), detectors)
+
+
+@asynccontextmanager
+async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
+    """Two cameras with the calibration that `medusa-ctl calibrate` wrote; raises CommandError, CameraError."""
+    if wish["screen"]:
+        raise CommandError("--screen needs --sim: real pictures are shown in the emulated room")
+    for key in ("left", "right", "cameras"):
+        if not wish[key]:
+            raise CommandError(f"--{key} is needed without --sim")
+    path = Path(wish["cameras"])
+    lenses = load_intrinsics(path, "left"), load_intrinsics(path, "right")
+    geometry = _load_geometry(path)
+    settings = CaptureSettings(rate=wish["rate"])
+    detectors = (
+        patch_detectors(_read_patch(wish["patch"]))
+        if wish["patch"]
+        else bright_detectors(wish["threshold"], shape=_shape(wish))
+    )
+    left = open_camera(wish["left"], settings, name="left")
+    right = open_camera(wish["right"], settings, name="right")
+    async with left, right:
+        yield Eyes((left, right), lenses, geometry, detectors)
+
+
+def _shape(wish: Mapping[str, Any]) -> Shape | None:
+    if not wish["least_area"] and not wish["roundness"]:
+        return None
+    return Shape(wish["least_area"] or 1.0, None, wish["roundness"] or None)
+
+
+def _read_patch(path: str) -> Any:
+    try:
+        picture = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_GRAYSCALE)
+    except (OSError, cv2.error):
+        picture = None
+    if picture is None:
+        raise CommandError(f"{path}: cannot be read as a picture")
+    return picture
+
+
+def _load_geometry(path: Path) -> HeadGeometry:
+    """Baseline and optical centres from the table [head]; raises CommandError naming file and key."""
+    table = tomllib.loads(path.read_text(encoding="utf-8")).get("head")
+    if not isinstance(table, dict) or not isinstance(table.get("baseline_m"), float):
+        raise CommandError(f"{path}: [head] baseline_m is missing; `medusa-ctl calibrate --head` writes it")
+    centres = []
+    for key in ("left_centre_m", "right_centre_m"):
+        values = table.get(key, [0.0, 0.0, 0.0])
+        if not (isinstance(values, list) and len(values) == 3 and all(isinstance(v, float) for v in values)):
+            raise CommandError(f"{path}: [head] {key} must be three numbers in metres, not {values!r}")
+        centres.append((values[0], values[1], values[2]))
+    return HeadGeometry(table["baseline_m"], *centres)
