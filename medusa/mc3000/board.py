@@ -42,7 +42,11 @@ class Board:
         self._motions_answered = asyncio.Event()
         self._motions_answered.set()
         session.on_restart(lambda restarted: self.clock.reset())
-        session.name_operations({operation: operation.name for operation in Operation})
+        session.name_operations(
+            {operation: operation.name for operation in Operation},
+            reply_sizes=messages.REPLY_SIZES,
+            event_size=messages.EVENT_SIZE,
+        )
         self._seconds_per_byte = BITS_PER_BYTE / baud
 
     @property
@@ -115,6 +119,7 @@ class Board:
         moves: bool = False,
         stops: bool = False,
         urgent: bool = False,
+        reply_size: int | None = None,
     ) -> bytes:
         # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
         if moves:
@@ -129,6 +134,7 @@ class Board:
                 moves=moves,
                 stops=stops,
                 urgent=urgent,
+                reply_size=reply_size,
             )
         finally:
             if moves:
@@ -160,10 +166,8 @@ class Board:
         """`count` (1–8) registers from `register` on; a READ that covers 14H latches the position first."""
         if not 1 <= count <= MAX_REGISTERS:
             raise CommandError(f"READ takes 1 to {MAX_REGISTERS} registers, not {count}")
-        reply = await self._request(Operation.READ, axis, messages.encode_read(register, count), reads=True)
-        if len(reply) != count:
-            raise ProtocolError(f"READ of {count} registers answered {len(reply)} bytes", frame=reply)
-        return reply
+        asked = messages.encode_read(register, count)
+        return await self._request(Operation.READ, axis, asked, reads=True, reply_size=count)
 
     async def write(self, axis: int, register: int, values: bytes) -> None:
         """Write 1–8 bytes into ascending registers; the board holds them to the named operations' rules."""

@@ -291,6 +291,16 @@ def decode_event(operation: int, axis: int, payload: bytes) -> BoardEvent:
     return BoardEvent(Operation(operation), None if axis == 0x0F else axis, time_us, position, detail)
 
 
+EVENT_SIZE = _EVENT.size
+"""Payload bytes of every event."""
+REPLY_SIZES: dict[int, int] = {
+    **{op: form.size for op, form in _REPLIES.items() if op is not Operation.HELLO},
+    Operation.WRITE: 0,
+    Operation.SNAPSHOT: 4 + AXES * _SNAPSHOT_AXIS.size,
+}
+"""Payload bytes of a good reply; READ answers as many as it was asked for."""
+
+
 def encode_event(event: BoardEvent) -> bytes:
     """The payload of an event, as a board would send it."""
     return _EVENT.pack(event.time_us, event.position, event.detail)
