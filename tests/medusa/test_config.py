@@ -87,7 +87,7 @@ def test_the_template_leaves_every_hazardous_key_empty() -> None:
             "approach_speed_deg_s = 0.5",
             "approach_speed_deg_s = 0.5: a speed of",
         ),
-        ("board_watchdog_ms = 400", "board_watchdog_ms = 1400", "more than 1607 ms, the board's watchdog"),
+        ("board_watchdog_ms = 400", "board_watchdog_ms = 2900", "more than 3107 ms, the board's watchdog"),
         ("channel = 2", "channel = 1", "axes.right_vergence.channel = 1: not that of tilt on board 1"),
         ("amplifier = 3", "amplifier = 4", "axes.tilt.amplifier = 4: not that of pan"),
         ('[["tilt"]', '[["pan"]', "every one of pan, tilt, left_vergence, right_vergence exactly once"),
