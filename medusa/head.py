@@ -103,12 +103,13 @@ class Head:
             await asyncio.gather(*(board.open() for board in self.boards.values()))
             await self._recall_homing()
             yield
-        except BaseException:
-            # What ended the context is told, not what then kept the head from being confirmed at rest.
+        except BaseException as ended:
+            # What ended the context is told; what then kept the head from being confirmed at rest, as its note.
             try:
                 await asyncio.shield(asyncio.ensure_future(self._close()))
             except MedusaError as error:
                 log.error("%s", error)
+                ended.add_note(f"the head could not be confirmed at rest: {error}")
             raise
         else:
             await asyncio.shield(asyncio.ensure_future(self._close()))

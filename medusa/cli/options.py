@@ -79,12 +79,14 @@ class Options:
 
                 return run_virtual(_cancelled_by_signals(body, caught))
             return asyncio.run(_cancelled_by_signals(body, caught))
-        except asyncio.CancelledError:
+        except asyncio.CancelledError as ended:
             number = caught[0] if caught else signal.SIGINT
+            if unconfirmed := _notes(ended):
+                self.fail(f"interrupted by {number.name}{unconfirmed}", _EXIT_CODES["device"])
             self.fail(f"stopped by {number.name}; the head is at rest", 128 + number)
         except MedusaError as error:
             protocol = type(error).__name__ == "ProtocolError"
-            self.fail(str(error), 5 if protocol else _EXIT_CODES[error.fault])
+            self.fail(str(error) + _notes(error), 5 if protocol else _EXIT_CODES[error.fault])
         except CameraError as error:
             self.fail(str(error), 4)
         except OSError as error:
@@ -176,14 +178,22 @@ class Options:
             yield head, simulated
 
 
+def _notes(error: BaseException) -> str:
+    """What went wrong besides, after the error: a stop that could not be confirmed."""
+    return "".join(f"; {note}" for note in getattr(error, "__notes__", ()))
+
+
 async def _cancelled_by_signals(body: Callable[[], Awaitable[T]], caught: list[signal.Signals]) -> T:
     loop = asyncio.get_running_loop()
     task = asyncio.current_task()
 
     def stop(number: signal.Signals) -> None:
         caught.append(number)
-        if task is not None:
+        if task is not None and len(caught) == 1:
             task.cancel()
+        else:
+            # A second cancellation would end the stopping itself.
+            print("medusa-ctl: still stopping the head", file=sys.stderr, flush=True)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         # Not available outside the main thread, as in a test runner's worker.

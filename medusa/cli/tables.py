@@ -17,7 +17,13 @@ def make_table(title: str, rows: Sequence[Mapping[str, Any]]) -> "Table":
         numbers = all(
             isinstance(row[key], int | float | None) and not isinstance(row[key], bool) for row in rows
         )
-        table.add_column(key.replace("_", " "), justify="right" if numbers else "left", no_wrap=key == "axis")
+        words = key.split("_")
+        table.add_column(
+            " ".join(words),
+            justify="right" if numbers else "left",
+            no_wrap=key == "axis",
+            min_width=max(map(len, words)),
+        )
     for row in rows:
         table.add_row(*(_cell(value) for value in row.values()))
     return table
