@@ -10,11 +10,12 @@ from types import TracebackType
 from typing import Self
 
 from labmate import messages as m
+from labmate import stopping
 from labmate.calibration import Calibration
 from labmate.config import BaseConfig, CalibrationFile, OdometryConfig, read_calibration
 from labmate.connection import Connection
-from labmate.errors import MotionStopped, StopNotConfirmed, out_of_reach
-from labmate.messages import BaseEvent, Bumper, Flags, HelloPart, Limits
+from labmate.errors import MotionStopped, out_of_reach
+from labmate.messages import BaseEvent, Bumper, HelloPart, Limits
 from labmate.motion import (
     MAX_VALID,
     BaseSnapshot,
@@ -28,14 +29,11 @@ from labmate.odometry import OdometryNoise, Pose, WheelGeometry
 from labmate.readings import Readings
 from labmate.steering import Steering
 from labmate.travel import Travel
-from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply, ProtocolError
+from medusa.errors import CommandError, DeviceRestarted, MedusaError, ProtocolError
 from medusa.link import Event, Line, Trace
 
 _LOG = logging.getLogger(__name__)
 
-_CONFIRM_PERIOD = 0.05
-_CONFIRM_MARGIN = 1.0
-"""Beyond the ramp (s): three sendings of the STOP, three of the STATUS that sees the rest, the drive's pole."""
 _UNKNOWN_RAMP = 5.0
 """Time for a stop (s) when the limits are not ours: an earlier host may have set a slow ramp."""
 
@@ -183,25 +181,12 @@ class Base:
         """
         self._revoke("stop", "STOP was called")
         ramp = _UNKNOWN_RAMP if self.config is None else stop_seconds(self.config.wire_limits)
-        try:
-            await self.connection.request(m.STOP, stops=True)
-            return await self._confirm_rest(ramp + _CONFIRM_MARGIN)
-        except (MedusaError, TimeoutError) as error:
-            raise await self._unconfirmed(error) from error
+        return await stopping.stop(self.connection, self.readings, ramp)
 
     async def emergency_stop(self) -> BaseSnapshot:
         """Stop at once, latch it and confirm it; raises StopNotConfirmed."""
         self._revoke("emergency stop", "emergency stop was called")
-        path = self.connection.path
-        try:
-            await self.connection.line.emergency_stop()
-            stopped = await self._confirm_rest(_CONFIRM_MARGIN)
-        except (MedusaError, TimeoutError) as error:
-            told = str(error) or "the base still moves"
-            raise StopNotConfirmed(f"{path}: the emergency stop is not confirmed: {told}") from error
-        if not stopped.flags & Flags.EMERGENCY_STOP:
-            raise StopNotConfirmed(f"{path}: the base stands, but its emergency stop is not latched")
-        return stopped
+        return await stopping.emergency_stop(self.connection, self.readings)
 
     async def clear(self) -> BaseSnapshot:
         """Release a latched emergency stop; what is left is in the snapshot's flags. Nothing moves."""
@@ -209,9 +194,17 @@ class Base:
         return await self.snapshot()
 
     async def recover(self) -> BaseSnapshot:
-        """Make the base fit to move again after a lost line or a restart; after a restart its pose is 0."""
+        """Make the base fit to move again after a lost line or a restart.
+
+        After a restart the base reckons from where it lost its memory, and so does the host from now on.
+        """
+        restarted = self.connection.restarted
         self._hello = await self.connection.recover()
-        return await self.snapshot()
+        snapshot = await self.snapshot()
+        if restarted:
+            self.readings.restart_odometry(snapshot.pose)
+            snapshot = await self.snapshot()
+        return snapshot
 
     def begin_steering(self, steering: Steering) -> None:
         """Give the wheel to one steering; raises CommandError when it is taken."""
@@ -245,26 +238,6 @@ class Base:
         self.connection.require_ready()
         if self._travel is not None or self._steering is not None:
             raise CommandError("the base is already being moved: one motion at a time")
-
-    async def _confirm_rest(self, seconds: float) -> BaseSnapshot:
-        async with asyncio.timeout(seconds):
-            while True:
-                try:
-                    snapshot = await self.snapshot()
-                    if snapshot.at_rest:
-                        return snapshot
-                except NoReply as error:
-                    _LOG.warning("confirming the stop: %s", error)
-                await asyncio.sleep(_CONFIRM_PERIOD)
-
-    async def _unconfirmed(self, error: BaseException) -> StopNotConfirmed:
-        told = str(error) or "the base still moves"
-        try:
-            await self.connection.line.emergency_stop()
-            after = "an emergency stop was sent"
-        except MedusaError as failed:
-            after = f"nor could an emergency stop be sent ({failed}); its watchdog stops it"
-        return StopNotConfirmed(f"{self.connection.path}: the stop is not confirmed: {told}; {after}")
 
     async def _stop_quietly(self) -> None:
         try:

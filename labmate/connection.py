@@ -21,7 +21,7 @@ _LOG = logging.getLogger(__name__)
 _MC3000 = 1
 _RAMP = 0
 """The base's only watchdog action: ramp to a stop."""
-_NEIGHBOURS = (0x01, 0x02, 0x11, 0x12)
+_NEIGHBOURS = (0x01, 0x02, 0x10, 0x11)
 """Where else something answers when somebody mistook the port or the address: boards of a head, further bases."""
 
 
@@ -83,6 +83,11 @@ class Connection:
         for unsubscribe in self._unsubscribe:
             unsubscribe()
 
+    @property
+    def restarted(self) -> bool:
+        """Whether the base has lost its memory since the last preparation."""
+        return isinstance(self._trouble, DeviceRestarted)
+
     def require_ready(self) -> None:
         """Raise what made motion impossible since the last preparation."""
         if isinstance(self._trouble, DeviceRestarted):
@@ -110,7 +115,7 @@ class Connection:
                 operation, payload=payload, reads=reads, moves=moves, stops=stops
             )
         except DeviceRestarted as error:
-            if not isinstance(self._trouble, DeviceRestarted):
+            if not self.restarted:
                 self._note_trouble(error)
             raise
         self._fed_at = max(self._fed_at, asked_at)
@@ -151,7 +156,7 @@ class Connection:
         self._fed_at = asyncio.get_running_loop().time()
 
     def _note_trouble(self, error: MedusaError) -> None:
-        if not isinstance(self._trouble, DeviceRestarted):
+        if not self.restarted:
             self._trouble = error
         self._on_trouble(error)
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 
 from labmate import messages as m
 from labmate.connection import Connection
 from labmate.motion import MAX_POSE_AGE, BaseSnapshot
 from labmate.odometry import START, Odometry, OdometryNoise, Pose, WheelGeometry
-from medusa.errors import CommandError
+from medusa.errors import CommandError, DeviceSilent, NoReply
+
+_LOG = logging.getLogger(__name__)
+
+_ATTEMPTS = 4
 
 
 class Readings:
@@ -57,6 +62,17 @@ class Readings:
         for observer in list(self._observers):
             observer(self.latest)
         return self.latest
+
+    async def patient_snapshot(self) -> BaseSnapshot:
+        """A snapshot over a bad line: reading again harms nothing. Raises NoReply after a few attempts."""
+        for _ in range(_ATTEMPTS - 1):
+            try:
+                return await self.snapshot()
+            except DeviceSilent:
+                raise
+            except NoReply as error:
+                _LOG.warning("reading the base: %s", error)
+        return await self.snapshot()
 
     def steerable(self) -> BaseSnapshot:
         """The latest snapshot; raises StalePose when it is older than 200 ms."""

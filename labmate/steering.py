@@ -37,6 +37,7 @@ class Steering:
         self._given_at = 0.0
         self._changed = asyncio.Event()
         self._failure: MedusaError | None = None
+        self._told = False
         self._feeder: asyncio.Task[None] | None = None
         self._owner: asyncio.Task[object] | None = None
 
@@ -56,10 +57,10 @@ class Steering:
             await self._base.stop()
         except MedusaError:
             # A lost line says so by itself; what took the steering away is the better story.
-            if self._failure is None and error is None:
+            if self._failure is None and (error is None or isinstance(error, asyncio.CancelledError)):
                 raise
             _LOG.warning("the stop after steering was not confirmed", exc_info=True)
-        if self._failure is not None and error is None:
+        if self._failure is not None and error is None and not self._told:
             raise self._failure
 
     @property
@@ -74,6 +75,7 @@ class Steering:
         CommandError over the limits (the last command then runs out), and what took the steering away.
         """
         if self._failure is not None:
+            self._told = True
             raise self._failure
         now = asyncio.get_running_loop().time()
         try:

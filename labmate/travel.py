@@ -43,7 +43,7 @@ class Travel:
     async def run(self) -> MotionReport:
         """Travel to the end; raises CommandError (did not begin) or MotionStopped (did not arrive)."""
         loop = asyncio.get_running_loop()
-        start = await self._readings.snapshot()
+        start = await self._readings.patient_snapshot()
         self._refuse(start)
         self._after_us = start.device_time_us
         begun = loop.time()
@@ -59,7 +59,7 @@ class Travel:
         report = MotionReport(
             self.kind, self.commanded, way, ending, self._bumper, start.pose, end, loop.time() - begun
         )
-        await self._readings.snapshot()
+        await self._readings.patient_snapshot()
         if ending is not Ending.REACHED:
             raise MotionStopped(str(report), reason=report.reason, report=report)
         return report

@@ -53,7 +53,7 @@ def test_the_template_as_written_by_init_leaves_the_hazardous_keys_to_the_user(t
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("speed_m_s = 0.3", "speed_m_s = 300", "speed_m_s = 300: must be a number from 0.01 to 1.0; 300 looks like millimetres"),
+        ("speed_m_s = 0.3", "speed_m_s = 300", "must be a number from 0.01 to 1.0; 300 looks like millimetres"),
         ("speed_m_s = 0.3", "speed_m_s = true", "limits.speed_m_s = True: must be a number"),
         ("speed_m_s = 0.3", "speed_m_s = nan", "limits.speed_m_s = nan"),
         ("watchdog_ms = 500", "watchdog_ms = 0", "safety.watchdog_ms = 0: must be a whole number from 200 to 2000"),

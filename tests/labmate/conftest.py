@@ -1,0 +1,20 @@
+"""An emulated base in virtual time, and its driver."""
+
+from collections.abc import AsyncIterator
+
+import pytest
+
+from labmate.base import Base
+from labmate.simulation import SimulatedBase, simulated_base
+
+
+@pytest.fixture
+async def sim() -> AsyncIterator[SimulatedBase]:
+    async with simulated_base(seed=1) as simulated:
+        yield simulated
+
+
+@pytest.fixture
+async def base(sim: SimulatedBase) -> AsyncIterator[Base]:
+    async with sim.open() as opened:
+        yield opened
