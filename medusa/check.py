@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from medusa.completion import complete
 from medusa.config import HeadConfig
 from medusa.errors import CommandError, ConfigError, DeviceFault
 from medusa.homing_mark import axis_digest
@@ -121,7 +122,7 @@ async def check_axis(head: "Head", name: str) -> CheckResult:
                     axis=name,
                 )
     finally:
-        await asyncio.shield(asyncio.ensure_future(head.disable([name])))
+        await complete(head.disable([name]))
     CheckRecord.of(head.config).note(name, head.config)
     log.info("%s: checked, %d and %d counts", name, forward, backward)
     return CheckResult(name, size, forward, backward)
@@ -137,7 +138,7 @@ async def _pulse(head: "Head", name: str, motor_command: int) -> int:
         )
         await asyncio.sleep(PULSE_SECONDS)
     finally:
-        await asyncio.shield(asyncio.ensure_future(_release(head, name)))
+        await complete(_release(head, name))
     await head.rest([name])
     return await axis.board.position(axis.channel) - before
 

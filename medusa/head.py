@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 
 from medusa.axis import Axis
+from medusa.completion import complete
 from medusa.config import AXIS_NAMES, HeadConfig
 from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.fault_watch import FaultWatch
@@ -106,13 +107,13 @@ class Head:
         except BaseException as ended:
             # What ended the context is told; what then kept the head from being confirmed at rest, as its note.
             try:
-                await asyncio.shield(asyncio.ensure_future(self._close()))
+                await complete(self._close())
             except MedusaError as error:
                 log.error("%s", error)
                 ended.add_note(f"the head could not be confirmed at rest: {error}")
             raise
         else:
-            await asyncio.shield(asyncio.ensure_future(self._close()))
+            await complete(self._close())
 
     async def _close(self) -> None:
         try:
@@ -154,7 +155,7 @@ class Head:
                 for name in set(wanted) - set(free):
                     log.warning("%s: its limit is latched; it stays idle until homing backs it off", name)
         except BaseException:
-            await asyncio.shield(asyncio.ensure_future(self._give_up(new)))
+            await complete(self._give_up(new))
             raise
         log.info("enabled: %s", ", ".join(wanted))
 

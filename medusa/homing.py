@@ -2,11 +2,12 @@
 
 import asyncio
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from medusa.check import CheckRecord
+from medusa.completion import complete
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
 from medusa.homing_mark import NO_MARK
 from medusa.homing_search import HomingError, HomingFailure, HomingSearch
@@ -19,6 +20,7 @@ log = logging.getLogger(__name__)
 
 PRESET_TRIES = 5
 DISABLE_TRIES = 3
+INTERRUPTED_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -49,16 +51,32 @@ async def home_head(head: "Head", names: Iterable[str]) -> dict[str, HomingResul
     await head.enable(wanted)
     for group in head.config.homing.order:
         together = [name for name in group if name in wanted]
-        tasks = [asyncio.ensure_future(home_axis(head, name)) for name in together]
-        try:
-            for result in await asyncio.gather(*tasks):
-                results[result.axis] = result
-        except BaseException:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-            raise
+        if together:
+            results |= {result.axis: result for result in await _home_group(head, together)}
     return results
+
+
+async def _home_group(head: "Head", names: Sequence[str]) -> list[HomingResult]:
+    """Home joints together; the first failure ends the others, and the one that tells most is raised."""
+    loop = asyncio.get_running_loop()
+    tasks = [loop.create_task(home_axis(head, name)) for name in names]
+    try:
+        done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
+        if pending and all(_was_interrupted(task.exception()) for task in done):
+            # Whose failure interrupted the others is still being disabled and has not been heard yet.
+            await asyncio.wait(pending, timeout=INTERRUPTED_SECONDS)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    failures = [error for task in tasks if not task.cancelled() and (error := task.exception()) is not None]
+    if failures:
+        raise min(failures, key=_was_interrupted)
+    return [task.result() for task in tasks]
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    return isinstance(error, HomingError) and error.failure is HomingFailure.INTERRUPTED
 
 
 async def home_axis(head: "Head", name: str) -> HomingResult:
@@ -81,7 +99,7 @@ async def home_axis(head: "Head", name: str) -> HomingResult:
                 raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
         except BaseException as error:
             axis.homed = False
-            await asyncio.shield(asyncio.ensure_future(_leave_disabled(head, name)))
+            await complete(_leave_disabled(head, name))
             failure = _named(name, error, search)
             if failure is error:
                 raise

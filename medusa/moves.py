@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from medusa.axis import ArmedMove, Axis
+from medusa.completion import complete
 from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.faults import Fault, FaultHub, HeadFault
 from medusa.mc3000 import Board, BoardEvent, Flags, Operation
@@ -116,7 +117,7 @@ class Moves:
             raise
         except BaseException:
             # Cancelled half-way: whatever began comes to rest before anybody hears of it.
-            await asyncio.shield(asyncio.ensure_future(self._stop()))
+            await complete(self._stop())
             raise
         finally:
             self._running.discard(trouble)

@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 FEEDS_PER_TIMEOUT = 3
 """A watchdog is fed three times a period, so that one lost frame and its repeat do not trip it."""
+FEED_SENDINGS = 3
+"""Sendings that fit between two feeds: six before the watchdog expires."""
 STALL_SECONDS = 0.1
 STALL_RATIO = 0.5
 EARLY_SECONDS = 1e-6
@@ -100,8 +102,7 @@ class Supervision:
 
         async def feed(board: Board) -> None:
             # Every answered request feeds; one is made up only when nothing else was heard. It is an
-            # addressed one, whose reply shows that the host still hears whom it keeps in motion, and it is
-            # no PING, which a restarted board answers as if nothing had happened.
+            # addressed one, whose reply shows that the host still hears whom it keeps in motion.
             heard = True
             while True:
                 wait = board.heard + period - loop.time()
@@ -111,7 +112,7 @@ class Supervision:
                     await asyncio.sleep(wait)
                     continue
                 try:
-                    await board.inputs(0)
+                    await board.feed(period / FEED_SENDINGS)
                     heard = True
                 except MedusaError as error:
                     if heard:

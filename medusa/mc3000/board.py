@@ -1,13 +1,9 @@
 """The three-axis board: every operation of its page, in counts and samples."""
 
-import asyncio
-from collections.abc import Callable
-
-from medusa.errors import CommandError, ProtocolError
-from medusa.link import Event, Hello, Session
+from medusa.errors import CommandError
 from medusa.mc3000 import messages
-from medusa.mc3000.clock import BoardClock
-from medusa.mc3000.messages import BoardEvent, Latched, Operation, Settings, Snapshot
+from medusa.mc3000.board_session import FRAME_OVERHEAD, WHOLE_BOARD, BoardSession
+from medusa.mc3000.messages import Latched, Operation, Settings, Snapshot
 from medusa.mc3000.profile import Profile
 from medusa.mc3000.registers import (
     MOVING,
@@ -18,156 +14,22 @@ from medusa.mc3000.registers import (
     LatchSource,
     Mode,
     Register,
-    WatchdogAction,
     decode_position24,
     encode_position24,
 )
 
-WHOLE_BOARD = 0x0F
 MAX_REGISTERS = 8
 
-FRAME_OVERHEAD = 8
-"""Bytes around a payload on the wire: four of the message, two of the CRC, COBS code and delimiter."""
-BITS_PER_BYTE = 10
 
-
-class Board:
+class Board(BoardSession):
     """One MC3000 behind a session; a refusal is a CommandError with the board's status: nothing moved."""
-
-    def __init__(self, session: Session, *, baud: int = 115200) -> None:
-        self.session = session
-        self.clock = BoardClock()
-        self.heard = float("-inf")
-        self._motions = 0
-        self._motions_answered = asyncio.Event()
-        self._motions_answered.set()
-        session.on_restart(lambda restarted: self.clock.reset())
-        session.name_operations(
-            {operation: operation.name for operation in Operation},
-            reply_sizes=messages.REPLY_SIZES,
-            event_size=messages.EVENT_SIZE,
-        )
-        self._seconds_per_byte = BITS_PER_BYTE / baud
-
-    @property
-    def address(self) -> int:
-        """Address on the line."""
-        return self.session.address
-
-    @property
-    def clock_hz(self) -> int:
-        """Clock of the chips as the HELLO told it; ProtocolError before the first HELLO."""
-        return messages.decode_board_part(self._hello().part)[1]
-
-    @property
-    def boot_count(self) -> int:
-        """Boot count of the last HELLO; ProtocolError before it."""
-        return self._hello().boot_count
-
-    @property
-    def firmware(self) -> int:
-        """Firmware version of the present session, high byte the major."""
-        return self._hello().firmware
-
-    @property
-    def repeats(self) -> int:
-        """Requests that the link had to repeat so far."""
-        return self.session.counters.repeats
-
-    def _hello(self) -> Hello:
-        if self.session.hello is None:
-            raise ProtocolError(f"board {self.address:02X}H has not answered a HELLO yet")
-        return self.session.hello
-
-    @property
-    def may_move(self) -> bool:
-        """True from `open` until the board restarts or is lost."""
-        return self.session.may_move
-
-    @property
-    def awaits_greeting(self) -> bool:
-        """True while the line is there but the board, restarted, has not been greeted again yet."""
-        session = self.session
-        return session.line.is_open and not session.is_open and not session.is_silent
-
-    async def open(self) -> Hello:
-        """Greet the board, after which it stands with its watchdog off, and let every event through."""
-        hello = await self.session.open()
-        if hello.device_type != messages.DEVICE_TYPE:
-            raise ProtocolError(
-                f"device {self.address:02X}H is of type {hello.device_type},"
-                f" not an MC3000 ({messages.DEVICE_TYPE})"
-            )
-        axes, _ = messages.decode_board_part(hello.part)
-        if axes != messages.AXES:
-            raise ProtocolError(f"board {self.address:02X}H has {axes} axes, {messages.AXES} expected")
-        self.clock.reset()
-        self._note_heard()
-        await self.session.event_mask(messages.EVENT_MASK_ALL)
-        return hello
-
-    def _note_heard(self) -> None:
-        self.heard = asyncio.get_running_loop().time()
-
-    async def _request(
-        self,
-        operation: Operation,
-        axis: int = WHOLE_BOARD,
-        payload: bytes = b"",
-        *,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
-        urgent: bool = False,
-        reply_size: int | None = None,
-    ) -> bytes:
-        # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
-        if moves:
-            self._motions += 1
-            self._motions_answered.clear()
-        try:
-            reply = await self.session.request(
-                operation,
-                axis,
-                payload,
-                reads=reads,
-                moves=moves,
-                stops=stops,
-                urgent=urgent,
-                reply_size=reply_size,
-            )
-        finally:
-            if moves:
-                self._motions -= 1
-                if self._motions == 0:
-                    self._motions_answered.set()
-        self._note_heard()
-        return reply
-
-    async def _ask(self, operation: Operation, axis: int = WHOLE_BOARD) -> dict[str, int]:
-        return messages.decode_reply(operation, await self._request(operation, axis, reads=True))
-
-    async def ping(self) -> int:
-        """Feed the watchdog and hear that the board lives; its time, µs since power-up."""
-        time_us = await self.session.ping()
-        self._note_heard()
-        return time_us
-
-    async def watchdog(self, timeout_ms: int, action: WatchdogAction = WatchdogAction.IDLE) -> None:
-        """Set the watchdog; 0 ms switches it off and sets open-loop motor commands to zero."""
-        await self.session.watchdog(timeout_ms, action)
-        self._note_heard()
-
-    async def clear(self, axis: int = WHOLE_BOARD) -> None:
-        """Release what is latched and whose cause is gone; what remains is to be read back."""
-        await self.session.clear(axis)
 
     async def read(self, axis: int, register: int, count: int = 1) -> bytes:
         """`count` (1–8) registers from `register` on; a READ that covers 14H latches the position first."""
         if not 1 <= count <= MAX_REGISTERS:
             raise CommandError(f"READ takes 1 to {MAX_REGISTERS} registers, not {count}")
         asked = messages.encode_read(register, count)
-        return await self._request(Operation.READ, axis, asked, reads=True, reply_size=count)
+        return await self._read(Operation.READ, axis, asked, reply_size=count)
 
     async def write(self, axis: int, register: int, values: bytes) -> None:
         """Write 1–8 bytes into ascending registers; the board holds them to the named operations' rules."""
@@ -213,7 +75,7 @@ class Board:
 
     async def timed_snapshot(self) -> tuple[Snapshot, float]:
         """All axes at one instant, and that instant on the loop's clock, s."""
-        reply = await self._request(Operation.SNAPSHOT, reads=True)
+        reply = await self._read(Operation.SNAPSHOT)
         snapshot = messages.decode_snapshot(reply)
         wire = (len(reply) + FRAME_OVERHEAD) * self._seconds_per_byte
         return snapshot, self.clock.update(snapshot.time_us, self.heard, wire)
@@ -282,7 +144,10 @@ class Board:
         """What the latch caught."""
         fields = await self._ask(Operation.LATCHED, axis)
         return Latched(
-            LatchSource(fields["source"]), bool(fields["caught"]), fields["position"], fields["time_us"]
+            messages.known(LatchSource, fields["source"]),
+            bool(fields["caught"]),
+            fields["position"],
+            fields["time_us"],
         )
 
     async def limit_enable(self, axis: int, enable: bool) -> None:
@@ -307,7 +172,7 @@ class Board:
         """Mode, following limit, limit enable and armed move as the board holds them."""
         fields = await self._ask(Operation.SETTINGS, axis)
         return Settings(
-            Mode(fields["mode"]),
+            messages.known(Mode, fields["mode"]),
             fields["following_limit"],
             bool(fields["limit_enable"]),
             bool(fields["armed"]),
@@ -320,14 +185,6 @@ class Board:
     async def write_mark(self, axis: int, mark: bytes) -> None:
         """Write the four bytes of 18H–1BH."""
         await self.write(axis, Register.MARK, mark)
-
-    def subscribe(self, callback: Callable[[BoardEvent], None]) -> Callable[[], None]:
-        """Call back with each typed event; returns what ends the subscription."""
-
-        def typed(event: Event) -> None:
-            callback(messages.decode_event(event.operation, event.axis, event.payload))
-
-        return self.session.subscribe(typed)
 
 
 def _payload(operation: Operation, **fields: int) -> bytes:

@@ -8,6 +8,7 @@ READ, WRITE, SNAPSHOT and the events, whose forms a row cannot hold, have functi
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeVar
 
 from medusa.errors import ProtocolError
 from medusa.mc3000.registers import Flags, Inputs, LatchSource, Mode, Status
@@ -262,6 +263,17 @@ class Settings:
     following_limit: int
     limit_enable: bool
     armed: bool
+
+
+E = TypeVar("E", bound=IntEnum)
+
+
+def known(kind: type[E], value: int) -> E:
+    """The member of an enumeration with that value; raises ProtocolError when the page knows none."""
+    try:
+        return kind(value)
+    except ValueError:
+        raise ProtocolError(f"no {kind.__name__} {value} is known") from None
 
 
 @dataclass(frozen=True)

@@ -346,3 +346,18 @@ def sim_config() -> HeadConfig:
     from medusa.config_simulated import simulated_config
 
     return simulated_config()
+
+
+async def test_the_joint_that_failed_is_named_not_the_one_that_it_interrupted(sim: SimulatedHead) -> None:
+    """Both eyes home together; the left one's amplifier fails while the right one moves to its home angle."""
+    async with sim.open() as head:
+        eyes = ["left_vergence", "right_vergence"]
+        homing = asyncio.ensure_future(head.home(eyes))
+        await asyncio.sleep(0.4)
+        sim.bench.inject("head.amplifier_fault", axis="left_vergence")
+        with pytest.raises(HomingError) as failed:
+            await homing
+        assert (failed.value.axis, failed.value.failure) == ("left_vergence", HomingFailure.AMPLIFIER_FAULT)
+        for name in eyes:
+            assert_left_disabled(sim, name)
+            assert not head.axes[name].homed
