@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,7 +65,7 @@ class Moves:
         boards: Mapping[int, Board],
         reader: SnapshotReader,
         faults: FaultHub,
-        stop: Callable[[], Awaitable[None]],
+        stop: Callable[[], Coroutine[Any, Any, None]],
         stopped_by_fault: Callable[[], Awaitable[str]],
     ) -> None:
         self._axes = axes
