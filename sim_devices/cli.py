@@ -20,8 +20,19 @@ DEFAULT_LINKS = Path("sim")
 
 
 def main() -> None:
-    """Run the command line."""
-    app(prog_name="sim-devices")
+    """Run the command line; a wrong argument gets one line and exit code 2."""
+    # typer's usage error is the class above the one that it exports.
+    usage_error: type[Exception] = typer.BadParameter.__mro__[1]
+    try:
+        sys.exit(app(prog_name="sim-devices", standalone_mode=False))
+    except usage_error as error:
+        text = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
+        # A call without any command has shown the help already.
+        if text:
+            print(f"sim-devices: {' '.join(text.split())}", file=sys.stderr)
+        sys.exit(2)
+    except typer.Abort:
+        sys.exit(130)
 
 
 @app.callback()

@@ -8,9 +8,12 @@ import asyncio
 import selectors
 import time
 from collections.abc import Coroutine
+from math import inf, nextafter
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+
+_LEAST_RESOLUTION = 1e-9
 
 
 class _JumpingSelector(selectors.PollSelector):
@@ -50,6 +53,9 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         scheduled: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]
         # The timer's own time: now + (when − now) may miss it by a rounding.
         target = scheduled[0].when() if scheduled else self._now + timeout
+        if target + _LEAST_RESOLUTION == target:
+            # After months a double's steps exceed the loop's resolution, and it would never call this timer.
+            target = nextafter(target, inf)
         self._now = max(self._now, target)
 
 
@@ -68,11 +74,12 @@ class ScaledTimeLoop(asyncio.SelectorEventLoop):
     """An event loop on the wall clock, whose seconds pass `speed` times as fast."""
 
     def __init__(self, speed: float) -> None:
-        if not speed > 0:
-            raise ValueError(f"speed is {speed}, must be above 0")
         self._speed = speed
         self._start = time.monotonic()
         super().__init__(_ScaledSelector(speed))
+        if not speed > 0:
+            self.close()
+            raise ValueError(f"speed is {speed}, must be above 0")
 
     def time(self) -> float:
         return (time.monotonic() - self._start) * self._speed

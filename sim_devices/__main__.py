@@ -1,0 +1,5 @@
+"""`python -m sim_devices`."""
+
+from sim_devices.cli import main
+
+main()
