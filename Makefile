@@ -8,6 +8,7 @@ JOBS ?= auto
 
 demo: .venv/ready
 	$(BIN)/medusa-ctl --sim demo
+	$(BIN)/medusa-ctl --sim track
 
 test: .venv/ready
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal

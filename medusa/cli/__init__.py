@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from medusa.cli import demo, machine, motion, setup
+from medusa.cli import demo, design, machine, motion, servo, setup, track
 from medusa.cli.options import Options, globals_first
 
 app = typer.Typer(
@@ -13,6 +13,10 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=(
+        "Exit codes: 0 done, 2 wrong arguments or a command that cannot be done, 3 configuration, 4 port,"
+        " 5 no answer or a wrong one, 6 the machine stopped by a fault, 130 and 143 interrupted and stopped."
+    ),
 )
 
 
@@ -31,9 +35,7 @@ def _medusa_ctl(
 ) -> None:
     """Drive the Medusa stereo head: four joints on two MC3000 boards and four servo amplifiers.
 
-    Options may stand before or after the command. Exit codes: 0 done, 2 wrong arguments or a command that
-    cannot be done, 3 configuration, 4 port, 5 no answer or a wrong one, 6 the machine stopped by a fault, 130
-    and 143 interrupted and stopped.
+    Options may stand before or after the command.
     """
     context.obj = Options(
         sim=sim,
@@ -48,10 +50,27 @@ def _medusa_ctl(
     )
 
 
-for group in (setup, machine, motion, demo):
+for group in (setup, machine, motion, servo, design, demo, track):
     group.register(app)
 
 
 def main() -> None:
-    """Run the command line."""
-    app(args=globals_first(sys.argv[1:]), prog_name="medusa-ctl")
+    """Run the command line; what the parser finds wrong is one line, too."""
+    # typer brings its own copy of click and exports of its errors only BadParameter: the usage error is what that is.
+    usage_error: type[Exception] = typer.BadParameter.__mro__[1]
+    try:
+        code = app(args=globals_first(sys.argv[1:]), prog_name="medusa-ctl", standalone_mode=False)
+    except usage_error as error:
+        told = getattr(error, "format_message", error.__str__)()
+        if told:
+            print(f"medusa-ctl: {' '.join(told.split()).rstrip('.')}; see medusa-ctl --help", file=sys.stderr)
+        else:
+            app(args=["--help"], prog_name="medusa-ctl", standalone_mode=False)
+        code = 2
+    except (typer.Abort, KeyboardInterrupt):
+        code = 130
+    except BrokenPipeError:
+        # Whoever read our output has gone.
+        sys.stderr.close()
+        code = 1
+    sys.exit(code if isinstance(code, int) else 0)
