@@ -56,6 +56,14 @@ class MoveStopped(MedusaError):
     fault = "caller"
 
 
+class MoveRefused(MedusaError):
+    """A joint could not be armed; nothing has begun, so nothing has to be stopped."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+        super().__init__(str(error))
+
+
 class Moves:
     """Runs moves of the head's joints in position mode."""
 
@@ -75,7 +83,7 @@ class Moves:
         self._stop = stop
         self._stopped_by_fault = stopped_by_fault
         self.stops = 0
-        self._running: set[asyncio.Future[MedusaError]] = set()
+        self._running: dict[asyncio.Future[MedusaError], frozenset[str]] = {}
 
     def forget_armed(self) -> None:
         """CLEAR is on its way, which disarms: moves about to begin do not; running ones run on."""
@@ -101,7 +109,8 @@ class Moves:
         speeds = speeds or {}
         for name, angle in targets.items():
             self._check(name, angle, speeds.get(name, Speeds()))
-        before = await self._reader.read()
+            if any(name in names for names in self._running.values()):
+                raise CommandError(f"{name}: is moving already; stop it or wait for its move")
         trouble: asyncio.Future[MedusaError] = asyncio.get_running_loop().create_future()
 
         def note(fault: Fault) -> None:
@@ -109,9 +118,14 @@ class Moves:
                 trouble.set_result(HeadFault(fault))
 
         end = self._faults.subscribe(note)
-        self._running.add(trouble)
+        self._running[trouble] = frozenset(targets)
         try:
-            return await self._run(targets, speeds, before, trouble, stops)
+            armed = await self._arm(targets, speeds, await self._reader.read())
+            if stops != self.stops:
+                raise MoveStopped("the head was stopped before the move began")
+            return await self._follow(targets, armed, trouble)
+        except MoveRefused as refused:
+            raise refused.error from None
         except MedusaError as error:
             await self._stopped(error, trouble, stops)
             raise
@@ -120,7 +134,7 @@ class Moves:
             await complete(self._stop())
             raise
         finally:
-            self._running.discard(trouble)
+            del self._running[trouble]
             end()
 
     async def _stopped(self, error: MedusaError, trouble: "asyncio.Future[MedusaError]", stops: int) -> None:
@@ -142,14 +156,9 @@ class Moves:
             raise CommandError(f"there is no joint {name!r}; the head has {', '.join(self._axes)}")
         self._axes[name].check_move(angle, speeds.acceleration, speeds.max_speed)
 
-    async def _run(
-        self,
-        targets: Mapping[str, float],
-        speeds: Mapping[str, Speeds],
-        before: HeadSnapshot,
-        trouble: "asyncio.Future[MedusaError]",
-        stops: int,
-    ) -> MoveReport:
+    async def _arm(
+        self, targets: Mapping[str, float], speeds: Mapping[str, Speeds], before: HeadSnapshot
+    ) -> dict[str, ArmedMove]:
         async def arm(name: str, angle: float) -> ArmedMove:
             wanted = speeds.get(name, Speeds())
             return await self._axes[name].arm(
@@ -159,9 +168,24 @@ class Moves:
                 command_counts=before.joints[name].command_counts,
             )
 
-        armed = {move.axis: move for move in await asyncio.gather(*(arm(n, a) for n, a in targets.items()))}
-        if stops != self.stops:
-            raise CommandError("the head was stopped before the move began")
+        arming = [arm(name, angle) for name, angle in targets.items()]
+        ended = await asyncio.gather(*arming, return_exceptions=True)
+        failures = [end for end in ended if isinstance(end, BaseException)]
+        for failure in failures:
+            if not isinstance(failure, CommandError):
+                raise failure
+        if failures:
+            # Nothing has begun: those that are armed forget it, and what else moves goes on.
+            await asyncio.gather(*(self._axes[name].stop(orderly=True) for name in targets))
+            raise MoveRefused(failures[0])
+        return {move.axis: move for move in ended if isinstance(move, ArmedMove)}
+
+    async def _follow(
+        self,
+        targets: Mapping[str, float],
+        armed: Mapping[str, ArmedMove],
+        trouble: "asyncio.Future[MedusaError]",
+    ) -> MoveReport:
         done = Arrivals({name: self._axes[name] for name in armed})
         try:
             repeated = await self._start(armed)

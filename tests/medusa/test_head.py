@@ -151,6 +151,31 @@ async def test_one_wrong_target_moves_nothing(sim: SimulatedHead, head: Head) ->
     assert not (await axis.board.settings(axis.channel)).armed
 
 
+async def test_a_second_move_of_a_moving_joint_is_refused_and_the_first_goes_on(head: Head) -> None:
+    first = asyncio.ensure_future(head.move({"pan": 40 * DEGREE}))
+    await asyncio.sleep(0.1)
+    with pytest.raises(CommandError, match="pan: is moving already"):
+        await head.move({"pan": 0.0, "tilt": 0.1})
+    assert (await head.move({"tilt": 0.1})).settled == {"tilt": True}
+    assert (await first).settled == {"pan": True}
+
+
+async def test_a_joint_that_cannot_be_armed_leaves_the_others_where_they_are(
+    sim: SimulatedHead, head: Head
+) -> None:
+    other = asyncio.ensure_future(head.move({"left_vergence": 30 * DEGREE}))
+    await asyncio.sleep(0.05)
+    # Behind the driver's back the axis is idle: the board refuses its MOVE.
+    await head.axes["tilt"].board.write(2, 0x05, b"\x01")
+    with pytest.raises(CommandError) as refused:
+        await head.move({"pan": 0.2, "tilt": 0.2})
+    assert "tilt" in str(refused.value) or refused.value.status == 6
+    axis = head.axes["pan"]
+    assert not (await axis.board.settings(axis.channel)).armed
+    assert (await other).settled == {"left_vergence": True}
+    assert (await head.snapshot()).joints["pan"].angle == pytest.approx(0.0, abs=6 / 15915)
+
+
 async def test_a_cancelled_move_stops_the_head(sim: SimulatedHead, head: Head) -> None:
     moving = asyncio.ensure_future(head.move(TARGETS))
     await asyncio.sleep(0.15)
