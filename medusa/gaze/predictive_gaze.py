@@ -36,9 +36,12 @@ class PredictiveSettings:
 
     command_period: time between commands [s]. acceleration: spectral density of the target's angular
     acceleration [rad²/s³]. approach: the same for its inverse distance [1/(m² s³)]. servo_lag: how far an
-    axis stands behind its command, 1/K_v [s]. catch_up: a predicted error above it is jumped at [rad].
-    patience: how long an unseen target is followed blind [s]. distance: assumed while only one eye sees the
-    target and nothing is known of it [m].
+    axis stands behind its command, 1/K_v [s]. agility: how far the acceleration may adapt, as multiples.
+    acquire: a new target is jumped at while its predicted error is above this [rad]. catch_up: so is one
+    already followed above this; a smaller error is sooner made good by pursuit, which sees on the way.
+    landing_delay: how much later than its profile a saccade is thought to end at first [s]. doubt: an
+    unseen target is followed blind over this angle at most [rad]. patience: and for so long [s]. distance:
+    assumed while only one eye sees the target and nothing is known of it [m].
     """
 
     command_period: float
@@ -47,7 +50,11 @@ class PredictiveSettings:
     servo_lag: float = 1 / 170
     action_delay: float = 0.01
     stiffness: float = 25.0
-    catch_up: float = 0.06
+    agility: tuple[float, float] = (0.02, 10.0)
+    acquire: float = 0.05
+    catch_up: float = 0.22
+    landing_delay: float = 0.15
+    doubt: float = 0.1
     patience: float = 0.5
     distance: float = 1.5
     coordination: Coordination = field(default_factory=EyesFirst)
@@ -58,22 +65,28 @@ class PredictiveGaze:
 
     def __init__(self, settings: PredictiveSettings, geometry: HeadGeometry, limits: GazeLimits) -> None:
         self._settings, self._geometry, self._limits = settings, geometry, limits
-        self._azimuth = ConstantVelocityFilter(settings.acceleration)
-        self._elevation = ConstantVelocityFilter(settings.acceleration)
-        self._nearness = ConstantVelocityFilter(settings.approach)
+        self._azimuth = ConstantVelocityFilter(settings.acceleration, agility=settings.agility)
+        self._elevation = ConstantVelocityFilter(settings.acceleration, agility=settings.agility)
+        self._nearness = ConstantVelocityFilter(settings.approach, agility=settings.agility)
         self._landed = -math.inf
+        self._landing_delay = settings.landing_delay
+        self._acquired = False
+        self._expected_landing: float | None = None
         self._rates = Joints(0.0, 0.0, 0.0, 0.0)
 
     def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command:
         """Decide at `now`, the axes' command angles being `joints`; a sighting is taken in when there is a new one."""
-        if sighting is not None and sighting.seen:
-            self._take_in(sighting)
+        if sighting is not None:
+            if sighting.seen:
+                self._take_in(sighting)
+            else:
+                self._doubt(sighting)
         seen = self._azimuth.stamp
         if seen is None:
             return Hold("no target has been seen")
         if now - max(seen, self._landed) > self._settings.patience:
-            self.forget()
             self._rates = Joints(0.0, 0.0, 0.0, 0.0)
+            self.forget()
             return Hold(f"the target has not been seen for {self._settings.patience:g} s")
         period, lag = self._settings.command_period, self._settings.servo_lag
         acting = now + self._settings.action_delay
@@ -82,10 +95,14 @@ class PredictiveGaze:
         )
         here, limited = self._limits.confine(self._wanted(acting + lag, joints))
         azimuth = self._azimuth.predict(now).value
-        if self._settings.coordination.wants_neck_saccade(joints.pan, azimuth):
-            return Saccade(self._landing(now, joints, azimuth), "neck to a comfortable position")
-        if max(abs(w - q) for w, q in zip(here[1:], ahead[1:], strict=True)) > self._settings.catch_up:
-            return Saccade(self._landing(now, joints, None), "target ahead of the fovea")
+        # One jump a look: where a blind head only thinks that the target went on, it does not jump again.
+        if seen > self._landed:
+            if self._settings.coordination.wants_neck_saccade(joints.pan, azimuth):
+                return self._saccade(now, joints, azimuth, "neck to a comfortable position")
+            error = max(abs(w - q) for w, q in zip(here[1:], ahead[1:], strict=True))
+            self._acquired |= error <= self._settings.acquire
+            if error > (self._settings.catch_up if self._acquired else self._settings.acquire):
+                return self._saccade(now, joints, None, "target ahead of the fovea")
         there, _ = self._limits.confine(self._wanted(acting + period + lag, joints))
         stiffness = self._settings.stiffness
         self._rates = Joints(
@@ -98,12 +115,17 @@ class PredictiveGaze:
 
     def saccade_ended(self, now: float) -> None:
         """The eyes have landed: nothing was seen on the way, so patience begins anew; the filters just go on."""
+        if self._expected_landing is not None:
+            late = min(max(now - self._expected_landing, 0.0), 0.5)
+            self._landing_delay += 0.5 * (late - self._landing_delay)
+            self._expected_landing = None
         self._landed = now
         self._rates = Joints(0.0, 0.0, 0.0, 0.0)
 
     def forget(self) -> None:
         """Begin anew with the next sighting."""
         self._landed = -math.inf
+        self._acquired = False
         for each in (self._azimuth, self._elevation, self._nearness):
             each.forget()
 
@@ -116,6 +138,20 @@ class PredictiveGaze:
         self._elevation.update(sighting.stamp, elevation, sighting.sigma)
         if sighting.left is not None and sighting.right is not None:
             self._nearness.update(sighting.stamp, 1 / float(np.linalg.norm(point)), spread)
+
+    def _doubt(self, sighting: Sighting) -> None:
+        """A picture without the target: where the path has already gone far on belief alone, it is given up.
+
+        The target has turned, more likely than not, and is found again near where it was seen.
+        """
+        seen = self._azimuth.stamp
+        if seen is None or sighting.stamp <= max(seen, self._landed):
+            return
+        filters = (self._azimuth, self._elevation)
+        gone = math.hypot(*(f.predict(sighting.stamp).value - f.predict(seen).value for f in filters))
+        if gone > self._settings.doubt:
+            for each in filters:
+                each.halt()
 
     def _place(self, sighting: Sighting) -> tuple[Vector, float]:
         """The target (3,) [m] in the head frame, and the standard deviation of its inverse distance [1/m]."""
@@ -150,6 +186,7 @@ class PredictiveGaze:
 
     def _wanted(self, moment: float, joints: Joints, pan: float | None = None) -> Joints:
         """Joint angles that fixate the target as predicted for a moment; pan by the coordination unless given."""
+        moment = self._trusted(moment)
         azimuth = self._azimuth.predict(moment).value
         elevation = self._elevation.predict(moment).value
         point = self._distance(moment) * direction_of(azimuth, elevation)
@@ -157,11 +194,30 @@ class PredictiveGaze:
         turned = min(max(turned, self._limits.low.pan), self._limits.high.pan)
         return look_at(self._geometry, point, turned)
 
-    def _landing(self, now: float, joints: Joints, pan: float | None) -> Joints:
-        """Where the target will be when a saccade that starts now has landed; its duration depends on that place."""
+    def _trusted(self, moment: float) -> float:
+        """How far ahead a path is believed: fully for as long as the patience, then ever less, for a quarter more.
+
+        Nothing keeps its velocity for long, and a gaze that runs after a mere belief ends at a limit of
+        travel.
+        """
+        seen = self._azimuth.stamp
+        if seen is None:
+            return moment
+        sure, fading = self._settings.patience, 0.25 * self._settings.patience
+        beyond = moment - seen - sure
+        return moment if beyond <= 0 else seen + sure + fading * (1 - math.exp(-beyond / fading))
+
+    def _saccade(self, now: float, joints: Joints, pan: float | None, reason: str) -> Saccade:
+        """To where the target will be when the eyes have landed; how long that takes depends on that place.
+
+        A saccade ends later than its profile: it is armed, started and read back. That delay is learnt.
+        """
         duration = 0.0
         target = joints
         for _ in range(3):
-            target, _ = self._limits.confine(self._wanted(now + duration, joints, pan))
+            moment = now + duration + self._landing_delay
+            target, _ = self._limits.confine(self._wanted(moment, joints, pan))
             duration = self._limits.duration(joints, target)
-        return target
+        self._expected_landing = now + duration
+        self._acquired = True
+        return Saccade(target, reason)

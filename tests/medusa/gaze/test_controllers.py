@@ -69,7 +69,9 @@ def run(gaze, target, *, frame_period, command_period, latency, seconds):
 
 
 def predictive(command_period, **changes):
-    settings = PredictiveSettings(command_period, servo_lag=0.0, action_delay=0.0, **changes)
+    settings = PredictiveSettings(
+        command_period, servo_lag=0.0, action_delay=0.0, **{"landing_delay": 0.02, **changes}
+    )
     return PredictiveGaze(settings, GEOMETRY, LIMITS)
 
 
@@ -90,9 +92,10 @@ def test_predictive_pursuit_follows_a_constant_velocity_without_error_whatever_t
         errors, _ = run(
             predictive(0.04), target, frame_period=0.16, command_period=0.04, latency=latency, seconds=4
         )
-        # The bearing is the filter's own model; a landing noticed up to 40 ms late costs the rest, for a picture.
+        # The bearing is the filter's own model. A landing is noticed 0 to 40 ms late and the delay learnt from
+        # earlier ones may be off by as much: 0.8° at 10°/s, for one picture.
         assert math.degrees(np.median(errors[-8:])) < 0.001
-        assert math.degrees(errors[-8:].max()) < 0.4
+        assert math.degrees(errors[-8:].max()) < 0.8
 
 
 def test_a_sine_of_15_degrees_at_6_hz_is_followed_within_a_degree():
@@ -120,7 +123,7 @@ def test_every_coordination_keeps_both_eyes_on_a_target_that_goes_far_to_the_sid
 
 
 def test_a_target_that_vanishes_is_followed_blind_for_a_while_and_then_the_head_holds():
-    gaze = predictive(0.04, catch_up=3.0)
+    gaze = predictive(0.04, acquire=3.0, catch_up=3.0)
     joints = Joints(0.0, 0.0, 0.0, 0.0)
     for k in range(6):
         gaze.step(0.04 * k, joints, see(0.04 * k, joints, np.array([1.0, 0.01 * k, 0.0])))
@@ -138,7 +141,7 @@ def test_one_eye_is_enough_to_pursue():
 
 
 def test_a_target_behind_the_limit_of_travel_is_looked_at_as_far_as_it_goes_and_the_axis_is_named():
-    gaze = predictive(0.04, coordination=COORDINATIONS["ii"], catch_up=3.0)
+    gaze = predictive(0.04, coordination=COORDINATIONS["ii"], acquire=3.0, catch_up=3.0)
     joints = Joints(LIMITS.high.pan, 0.0, 0.0, 0.0)
     azimuth = math.radians(105)
     point = 1.5 * np.array([math.cos(azimuth), math.sin(azimuth), 0.9])

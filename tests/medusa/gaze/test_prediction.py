@@ -90,3 +90,42 @@ def test_the_gain_margin_is_where_the_loop_begins_to_ring(frame_rate, accelerati
     # Two per cent to either side of the margin tell decay from growth in 600 pictures.
     assert error_after(0.98 * margin) < 0.01
     assert error_after(1.02 * margin) > 0.01
+
+
+def test_agility_calms_a_filter_at_rest_and_rouses_it_at_a_turn():
+    rng = np.random.default_rng(3)
+    sigma, period = 1e-3, 1 / 25
+
+    def run(agility):
+        tracked = ConstantVelocityFilter(0.1, agility=agility, gate=1e9)
+        resting, turning = [], []
+        for k in range(200):
+            # At rest for 4 s, then suddenly at 0.35 rad/s (20 degrees a second).
+            place = 0.0 if k < 100 else 0.35 * (k - 100) * period
+            tracked.update(k * period, place + sigma * rng.standard_normal(), sigma)
+            rate = tracked.predict(k * period).rate
+            if 50 <= k < 100:
+                resting.append(rate)
+            if 105 <= k < 110:
+                turning.append(rate - 0.35)
+        return np.std(resting), np.abs(turning).max()
+
+    fixed, adaptive = run((1.0, 1.0)), run((0.02, 10.0))
+    # A fiftieth of q takes some half of the velocity's noise away; five pictures after the turn both follow.
+    assert adaptive[0] < 0.6 * fixed[0]
+    assert adaptive[1] < fixed[1] + 0.02
+
+
+def test_a_halted_path_rests_where_it_was_last_seen():
+    tracked = ConstantVelocityFilter(0.1)
+    for k in range(10):
+        tracked.update(0.1 * k, 0.05 * k, 1e-4)
+    assert tracked.predict(1.4).value == pytest.approx(0.7, abs=1e-3)
+    tracked.halt()
+    assert tracked.predict(1.4).value == pytest.approx(0.45, abs=1e-3)
+
+
+@pytest.mark.parametrize("agility", [(0.0, 2.0), (2.0, 3.0), (0.5, 0.9)])
+def test_an_agility_that_does_not_include_the_nominal_is_refused(agility):
+    with pytest.raises(ValueError, match="agility"):
+        ConstantVelocityFilter(0.1, agility=agility)
