@@ -26,6 +26,10 @@ log = logging.getLogger(__name__)
 
 WATCHDOG_ACTIONS = {"idle": WatchdogAction.IDLE, "ramp": WatchdogAction.STOP}
 FEEDBACK_ERROR = "feedback error"
+LATCHES_THAT_BAR = {
+    Inputs.EMERGENCY_STOP_LATCHED: "an emergency stop",
+    Inputs.FAULT_LATCHED: "an amplifier fault",
+}
 
 
 class Head:
@@ -139,9 +143,9 @@ class Head:
         await self._recall_homing()
         snapshot = await self.snapshot()
         for name in wanted:
-            latched = snapshot.joints[name].inputs & (Inputs.EMERGENCY_STOP_LATCHED | Inputs.FAULT_LATCHED)
-            if latched:
-                raise CommandError(f"{name}: {latched.name or latched!r} is latched; clear it first")
+            for bit, what in LATCHES_THAT_BAR.items():
+                if snapshot.joints[name].inputs & bit:
+                    raise CommandError(f"{name}: {what} is latched; clear it first")
         await self._watchdogs_on()
         new = [name for name in wanted if not await self._is_on(name)]
         try:

@@ -204,7 +204,7 @@ async def test_emergency_stop_idles_everything_until_clear(sim: SimulatedHead, h
     for joint in joints(sim).values():
         assert (joint["mode"], joint["motor_command"]) == (0, 0)
         assert joint["velocity"] == pytest.approx(0.0, abs=0.01)
-    with pytest.raises(CommandError, match="EMERGENCY_STOP_LATCHED"):
+    with pytest.raises(CommandError, match="an emergency stop is latched; clear it first"):
         await head.enable()
     assert await head.clear() == {}
     await head.enable()
