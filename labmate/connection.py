@@ -42,6 +42,7 @@ class Connection:
         self.config = config
         self.line = line
         self.session: Session = line.session(address)
+        self.session.name_operations(m.OPERATION_NAMES, reply_sizes=m.REPLY_SIZES, event_size=m.EVENT_SIZE)
         self._on_event = on_event
         self._on_trouble = on_trouble
         self._unsubscribe: list[Callable[[], None]] = []

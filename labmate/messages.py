@@ -137,6 +137,11 @@ class Layout:
         names = [field.name for field in fields]
         self._values: Callable[[object], Any] = attrgetter(*names)
 
+    @property
+    def size(self) -> int:
+        """Bytes of the payload."""
+        return self._struct.size
+
     def pack(self, message: object) -> bytes:
         """Encode; raises CommandError naming field, value and range."""
         values = self._values(message) if len(self.fields) > 1 else (self._values(message),)
@@ -333,3 +338,14 @@ class BaseEvent(Message):
         Field("heading", "i", CENTIDEGREE),
         Field("detail", "B"),
     )
+
+
+EVENT_SIZE: Final = BaseEvent.LAYOUT.size
+"""Payload bytes of every event."""
+REPLY_SIZES: Final = {
+    POSE: PoseReply.LAYOUT.size,
+    STATUS: StatusReply.LAYOUT.size,
+    ENCODERS: EncodersReply.LAYOUT.size,
+    **dict.fromkeys((SET_POSE, DRIVE, GO, TURN, STOP, LIMITS), 0),
+}
+"""Payload bytes of a good reply."""
