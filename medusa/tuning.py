@@ -9,7 +9,8 @@ from medusa.identify import Excitation, identify_axis
 from medusa.mc3000 import Filter, Mode
 from medusa.servo.identification import Identification
 from medusa.servo.position_filter import FilterRegisters, check_stable
-from medusa.servo.search import Candidate, assess, search_filter, thesis_registers
+from medusa.servo.search import search_filter
+from medusa.servo.trials import Candidate, assess, thesis_registers
 from medusa.servo.velocity import check_velocity_stable, design_velocity_register
 
 if TYPE_CHECKING:

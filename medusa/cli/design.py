@@ -58,8 +58,9 @@ def design(
     async def body() -> None:
         from medusa.servo.design import design_servo
         from medusa.servo.position_filter import check_stable
-        from medusa.servo.search import assess, search_filter
+        from medusa.servo.search import search_filter
         from medusa.servo.thesis import JOINTS
+        from medusa.servo.trials import assess
 
         changes = {key: _positive(key, value) for key, value in given.items() if value is not None}
         changes |= _encoder(lines, gear)

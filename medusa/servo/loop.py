@@ -90,10 +90,13 @@ class MotorModel:
 class FilterModel:
     """The chip's position filter on whole counts; registers broadcast to the batch's shape."""
 
-    def __init__(self, zero: ArrayLike, pole: ArrayLike, gain: ArrayLike) -> None:
+    def __init__(
+        self, zero: ArrayLike, pole: ArrayLike, gain: ArrayLike, before: tuple[int, int] = (0, 0)
+    ) -> None:
+        """`before`: error and DAC of the sample before the first, as entering control leaves them: 0."""
         self._zero, self._pole, self._gain = (np.asarray(r, dtype=np.int64) for r in (zero, pole, gain))
-        self._error: Integers = np.zeros((), dtype=np.int64)
-        self._command: Integers = np.zeros((), dtype=np.int64)
+        self._error: Integers = np.asarray(before[0], dtype=np.int64)
+        self._command: Integers = np.asarray(before[1], dtype=np.int64)
 
     def step(self, error: Integers) -> Integers:
         """DAC counts for an error in counts: integer arithmetic over the common denominator 1024."""
@@ -130,15 +133,17 @@ def simulate_position(
     *,
     friction: float = 0.0,
     start: float = 0.0,
+    before: tuple[int, int] = (0, 0),
 ) -> LoopRecord:
     """One axis in position control under a command sequence (counts at each sample), starting at rest.
 
-    `friction` in DAC counts, `start` in counts. Shape (len(command),) throughout.
+    `friction` in DAC counts, `start` in counts, `before` the error and DAC of the sample before. Shape
+    (len(command),) throughout.
     """
     motor = MotorModel(
         plant.time_constant, plant.velocity_gain, registers.period, friction=friction, position=start
     )
-    controller = FilterModel(registers.zero, registers.pole, registers.gain)
+    controller = FilterModel(registers.zero, registers.pole, registers.gain, before)
     targets = np.asarray(command, dtype=np.int64)
     return _run(motor, controller, targets, registers.period)
 

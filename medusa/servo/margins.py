@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,9 @@ def margins(plant: DiscretePlant, controller: Filter) -> Margins:
     import control
 
     loop = controller.transfer_function(plant.period) * plant.position()
-    with np.errstate(divide="ignore", invalid="ignore"):  # it evaluates the loop at its own pole z = 1
+    with warnings.catch_warnings():
+        # It evaluates the loop at its own pole z = 1, too.
+        warnings.simplefilter("ignore", RuntimeWarning)
         gain, phase, distance, _, crossover, _ = control.stability_margins(loop)
     return Margins(float(gain), float(phase), float(distance), float(crossover) / (2 * np.pi))
 
