@@ -41,6 +41,24 @@ def demo(
 ) -> None:
     """Enable, home, move together to a handful of gaze directions, park; leave a table and a picture."""
     options: Options = context.obj
+    document, film = run_demo(options, rate, dwell)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        if picture:
+            from medusa.cli.demo_figure import draw_demo
+
+            draw_demo(film, [(m["name"], m["time_s"]) for m in document["marks"]], out / "demo.png")
+    except OSError as error:
+        options.fail(f"{error.filename or out}: {error.strerror}", 4)
+    options.show(
+        document, lambda: print_table("gaze directions, degrees", [_short(row) for row in document["gazes"]])
+    )
+    options.say(f"left behind: {out / 'demo.json'}" + (f", {out / 'demo.png'}" if picture else ""))
+
+
+def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, Any], list[HeadSnapshot]]":
+    """The demo itself: what it reached, and its snapshots."""
     film: list[HeadSnapshot] = []
 
     async def body() -> dict[str, Any]:
@@ -73,20 +91,7 @@ def demo(
             "marks": [{"name": name, "time_s": round(time, 3)} for name, time in marks],
         }
 
-    document = options.run(body)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-        if picture:
-            from medusa.cli.demo_figure import draw_demo
-
-            draw_demo(film, [(m["name"], m["time_s"]) for m in document["marks"]], out / "demo.png")
-    except OSError as error:
-        options.fail(f"{error.filename or out}: {error.strerror}", 4)
-    options.show(
-        document, lambda: print_table("gaze directions, degrees", [_short(row) for row in document["gazes"]])
-    )
-    options.say(f"left behind: {out / 'demo.json'}" + (f", {out / 'demo.png'}" if picture else ""))
+    return options.run(body), film
 
 
 async def _film(head: "Head", rate: float, film: "list[HeadSnapshot]") -> None:
