@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from medusa.axis import Axis
+from medusa.completion import complete
 from medusa.errors import CommandError, MedusaError
 from medusa.faults import Fault, HeadFault
 from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
@@ -115,12 +116,12 @@ class GazeLoop:
             await self._run(loop.time() + seconds, pump)
         except BaseException:
             try:
-                await asyncio.shield(asyncio.ensure_future(self.head.stop()))
+                await complete(self.head.stop())
             except MedusaError as error:
                 log.error("%s", error)
             raise
         else:
-            await asyncio.shield(asyncio.ensure_future(self.head.stop()))
+            await complete(self.head.stop())
         finally:
             end_faults()
             pump.cancel()
