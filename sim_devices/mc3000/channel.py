@@ -1,4 +1,4 @@
-"""One axis of the board in time: its samples, its latches, and what they report.
+"""One axis of the board in time: its samples.
 
 Samples fall on the multiples of 16 (T+1)/f since power-up, counted in ticks of 16/f = 8 µs. After a new T the old
 period goes on until the first multiple of the new one that is not before the end of the running sample.
@@ -6,79 +6,35 @@ period goes on until the first multiple of the new one that is not before the en
 
 from collections.abc import Callable
 
-from sim_devices.hctl1100 import CLOCK_HZ, F0, F1, F3, F5, Hctl1100, wrap24
+from sim_devices.hctl1100 import CLOCK_HZ, F0, F1, F3, F5, wrap24
 from sim_devices.joint import EmptySocket, Joint
-from sim_devices.mc3000.reports import (
-    AMPLIFIER_FAULT,
-    FOLLOWING_ERROR,
-    HOME_FALLING,
-    HOME_RISING,
-    IDLE,
-    INDEX,
-    LATCH,
-    LIMIT,
-    NO_LATCH,
-    POSITION,
-    PROFILE_DONE,
-    STOP_INPUT,
-    Recording,
-    Report,
-)
+from sim_devices.mc3000.axis_state import AxisState
+from sim_devices.mc3000.reports import FOLLOWING_ERROR, POSITION, PROFILE_DONE, Recording, Report
 from sim_devices.mc3000.servo_loop import Run, ordinary_samples
 
 TICK_S = 16 / CLOCK_HZ
-TICK_US = 8
 _ROUNDING_TICKS = 1e-6
 STANDING_SAMPLES = 4
 
 
-class Channel:
-    """Chip, joint and the board's own state of one axis."""
+class Channel(AxisState):
+    """An axis that takes its samples when it is advanced."""
 
     def __init__(self, number: int, joint: Joint | EmptySocket, report: Callable[[Report], None]) -> None:
-        self.number = number
-        self.joint = joint
         self.recording: Recording | None = None
-        self.encoder_lost = False
-        self.fault_input = False
         self.careful = False
         """Take every sample by itself, also where many could be run at once (for tests)."""
-        self._report = report
-        joint.on_home = self._home_edge
-        joint.on_index = self._index_edge
-        self.power_up(0.0)
+        super().__init__(number, joint, report)
 
     def power_up(self, t: float) -> None:
-        """Begin anew at t: every setting is lost; the joint stands or moves on as it is."""
-        self.joint.advance_to(t)
-        self.origin_time = self.t = t
-        self.chip = Hctl1100()
-        self.chip.count = self.chip.origin = self.joint.count
-        self._encoder_shift = 0
-        self.mode = IDLE
-        self.following_limit = 0
-        self.limit_enable = True
-        self.armed: int | None = None
-        self.latch_source = NO_LATCH
-        self.caught: tuple[int, int] | None = None
-        self.filter_registers: set[int] = set()
-        self.fault_latched = False
-        self.watchdog_expired = False
-        self.emergency = False
-        self.stopping = False
+        """Begin anew at t, with the sample timer of a reset."""
+        super().power_up(t)
         self.profile_from = 0
-        self._standing = 0
         self.period = self.next_tick = self.chip.timer + 1
         self._new_period: tuple[int, int] | None = None
         self._aligned = True
         self.running: Run | None = None
         """A run of ordinary samples; chip and joint are out of date until it ends."""
-        self.joint.drive(0)
-        self._set_latch(NO_LATCH)
-        self.update_limit()
-        self.set_fault_input(self.fault_input)
-
-    # State that others read
 
     @property
     def active(self) -> bool:
@@ -89,36 +45,6 @@ class Channel:
             or self.joint.moving
             or self.recording is not None
         )
-
-    @property
-    def profile_running(self) -> bool:
-        """Whether a profile runs: F0 in control."""
-        return bool(self.chip.flags & F0) and self.chip.in_control
-
-    @property
-    def filter_chosen(self) -> bool:
-        """Whether a host has written 20H–22H and 0FH since the last reset."""
-        return self.filter_registers >= {0x20, 0x21, 0x22, 0x0F}
-
-    @property
-    def inputs(self) -> int:
-        """The byte of INPUTS."""
-        joint = self.joint
-        bits = (
-            joint.negative_closed,
-            joint.positive_closed,
-            joint.sensor,
-            self.fault_input,
-            self.chip.limit_latched,
-            self.emergency,
-            self.fault_latched,
-            self.watchdog_expired,
-        )
-        return sum(1 << bit for bit, on in enumerate(bits) if on)
-
-    def microseconds(self, t: float) -> int:
-        """Return µs since power-up, not wrapped."""
-        return round((t - self.origin_time) * 1e6)
 
     @property
     def start_tick(self) -> int:
@@ -285,87 +211,3 @@ class Channel:
             self._new_period = None
             # The sample that runs now is not a whole new period long.
             self._aligned = False
-
-    # Encoder and inputs
-
-    def take_counts(self) -> None:
-        """Read the encoder, unless it is lost."""
-        if not self.encoder_lost:
-            self.chip.count = self.joint.count + self._encoder_shift
-
-    def set_encoder_lost(self, lost: bool) -> None:
-        """Pull or plug the encoder at the board; the counts in between are lost."""
-        self.take_counts()
-        self.encoder_lost = lost
-        self._encoder_shift = self.chip.count - self.joint.count
-
-    def update_limit(self) -> None:
-        """Look at the limit switches: while enabled they drive the chip's LIMIT input."""
-        joint = self.joint
-        low = self.limit_enable and (joint.positive_closed or joint.negative_closed)
-        if low != self.chip.limit_pin_low and self.chip.set_limit_pin(low):
-            self._become_idle()
-            self.report(LIMIT, detail=True)
-
-    def set_fault_input(self, on: bool) -> None:
-        """Move the amplifier's fault input; it latches, and the axis goes idle."""
-        self.fault_input = on
-        if on and not self.fault_latched:
-            self.fault_latched = True
-            self.go_idle()
-            self.report(AMPLIFIER_FAULT, detail=True)
-
-    def set_stop_input(self, low: bool) -> None:
-        """Move the chip's STOP pin."""
-        if self.chip.set_stop_pin(low):
-            self.report(STOP_INPUT)
-
-    def go_idle(self) -> None:
-        """Go idle, by whatever cause and also from idle."""
-        self._become_idle()
-        self.update_limit()
-
-    def _become_idle(self) -> None:
-        self.chip.go_idle()
-        self.mode = IDLE
-        self.joint.drive(0)
-        self.armed = None
-        self.stopping = False
-        self.limit_enable = True
-        self._set_latch(NO_LATCH)
-
-    def begin_stop(self) -> None:
-        """Count standing samples from here on, or let the ramp end."""
-        self.stopping = True
-        self._standing = 0
-
-    def report(self, operation: int, *, detail: bool = False) -> None:
-        """Report an event of now; its detail is the inputs or 0."""
-        inputs = self.inputs if detail else 0
-        self._report(Report(self.microseconds(self.t), operation, self.number, self.chip.actual, inputs))
-
-    # The board's latch
-
-    def _set_latch(self, source: int) -> None:
-        self.latch_source = source
-        self.joint.index_armed = source == INDEX
-
-    def arm_latch(self, source: int) -> None:
-        """LATCH: forget what was caught, and arm."""
-        self.caught = None
-        self._set_latch(source)
-
-    def _home_edge(self, level: bool, count: int, t: float) -> None:
-        if self.latch_source == (HOME_RISING if level else HOME_FALLING):
-            self._catch(count, t)
-
-    def _index_edge(self, count: int, t: float) -> None:
-        if self.latch_source == INDEX and not self.encoder_lost:
-            self._catch(count, t)
-
-    def _catch(self, count: int, t: float) -> None:
-        chip = self.chip
-        counted = chip.count if self.encoder_lost else count + self._encoder_shift
-        self.caught = wrap24(counted - chip.origin), self.microseconds(t)
-        self._set_latch(NO_LATCH)
-        self._report(Report(self.caught[1], LATCH, self.number, self.caught[0], 0))

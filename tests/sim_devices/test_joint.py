@@ -1,166 +1,23 @@
-"""Motor and joint against the closed forms of the plant (docs/protocols; equations §1.2)."""
+"""The joint against closed forms: stops, switches, friction, backlash, edges (docs/protocols)."""
 
 from itertools import pairwise
-from math import exp, floor, inf, log, radians
+from math import exp, floor, inf, log
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_devices.joint import Joint, JointGeometry
-from sim_devices.motor import Bridge, Motor, MotorConstants
+from sim_devices.motor import Bridge
 
 T_M, C, E = 16.020856e-3, 1235.08619, 18482.5
 STOP, SWITCH, EDGE = 14516.0, 12903.0, -4839.0
-EYE = {"time_constant": T_M, "gain": C, "counts_per_radian": E, "amplifier_gain": 1.0}
-TILT = {
-    "time_constant": 13.578841e-3,
-    "gain": 1013.86549,
-    "counts_per_radian": 31831.0,
-    "amplifier_gain": 1.95,
-}
-PAN = {
-    "time_constant": 7.835792e-3,
-    "gain": 431.30146,
-    "counts_per_radian": 15915.5,
-    "amplifier_gain": 3.56,
-}
 # Doubles carry 10⁻¹⁶ of some 10⁴ counts; sums of a few hundred steps stay far inside this.
 EXACT = 1e-6
 
 
-def make_joint(
-    position=0.0,
-    *,
-    friction=0.0,
-    backlash=0.0,
-    bus=48.0,
-    peak=20.0,
-    continuous=10.0,
-    constants=EYE,
-    sign=1,
-    edge=EDGE,
-):
-    motor = Motor(MotorConstants(**constants, friction_counts=friction), bus, peak, continuous)
-    geometry = JointGeometry(STOP, SWITCH, edge, sign, backlash / 2)
-    joint = Joint(motor, geometry, position, foldback_s=2.0)
-    bridge(joint, Bridge.ENABLED)
-    return joint
-
-
-def bridge(joint, state):
-    joint.motor.bridge = state
-    joint.refresh()
-
-
-class TestMotor:
-    @pytest.mark.parametrize(("constants", "speed"), [(EYE, 486.2), (TILT, 231.8), (PAN, 197.2)])
-    def test_full_command_gives_the_speed_of_the_table(self, constants, speed):
-        joint = make_joint(constants=constants)
-        joint.drive(127)
-        # Printed to 0.1 °/s.
-        assert joint.motor.target / constants["counts_per_radian"] == pytest.approx(radians(speed), rel=2e-4)
-
-    @pytest.mark.parametrize(("constants", "k_e"), [(EYE, 1.16911), (TILT, 4.78293), (PAN, 10.26312)])
-    def test_the_back_emf_constant_is_that_of_the_table(self, constants, k_e):
-        # Printed to six digits, from E to five.
-        assert MotorConstants(**constants).back_emf == pytest.approx(k_e, rel=1e-5)
-
-    @pytest.mark.parametrize("steps", [1, 7, 100])
-    def test_a_step_of_command_is_the_exponential_whatever_the_steps(self, steps):
-        joint = make_joint()
-        joint.drive(50)
-        t = 0.05
-        for n in range(1, steps + 1):
-            joint.advance_to(t * n / steps)
-        u = 50 * C
-        assert joint.w == pytest.approx(u * (1 - exp(-t / T_M)), abs=EXACT)
-        assert joint.m == pytest.approx(u * (t - T_M * (1 - exp(-t / T_M))), abs=EXACT)
-
-    @pytest.mark.parametrize(
-        ("state", "time_constant"),
-        [(Bridge.ENABLED, T_M), (Bridge.BRAKED, T_M), (Bridge.INHIBITED, 10 * T_M)],
-    )
-    def test_without_drive_the_speed_decays(self, state, time_constant):
-        joint = make_joint()
-        joint.w = 5000.0
-        bridge(joint, state)
-        joint.advance_to(0.02)
-        assert joint.w == pytest.approx(5000 * exp(-0.02 / time_constant), abs=EXACT)
-
-    def test_an_inhibited_or_braked_or_stopped_bridge_hears_no_command(self):
-        for state, held in ((Bridge.INHIBITED, False), (Bridge.BRAKED, False), (Bridge.ENABLED, True)):
-            joint = make_joint()
-            joint.motor.held_at_zero = held
-            bridge(joint, state)
-            joint.drive(100)
-            joint.advance_to(0.1)
-            assert (joint.w, joint.m) == (0.0, 0.0)
-
-    def test_the_bus_clamps_the_output(self):
-        # 24 V would cut pan's range: 24 V/K_E = 134.0°/s instead of 197.2.
-        joint = make_joint(constants=PAN, bus=24.0)
-        joint.drive(127)
-        assert joint.motor.target / 15915.5 == pytest.approx(24 / 10.26312, rel=1e-5)
-        # 86 counts are 23.918 V, under the bus; 87 would be 24.2 V.
-        joint.drive(86)
-        assert joint.motor.target == pytest.approx(86 * 431.30146)
-
-    def test_at_48_v_neither_clamp_nor_current_limit_can_act(self):
-        for constants in (EYE, TILT, PAN):
-            joint = make_joint(constants=constants)
-            assert not joint.motor.limit_can_act
-            for command in (-128, -1, 0, 1, 127):
-                joint.drive(command)
-                assert joint.motor.target == pytest.approx(command * constants["gain"])
-
-
-class TestCurrent:
-    def test_a_stalled_motor_draws_its_voltage_over_r(self):
-        joint = make_joint(constants=PAN)
-        joint.drive(127)
-        # 127·20/256·3.56 V over 4 Ω.
-        assert joint.motor.current(0.0) == pytest.approx(127 * 20 / 256 * 3.56 / 4)
-        assert joint.motor.current(joint.motor.target) == 0.0
-
-    def test_the_peak_limits_the_torque_until_the_back_emf_relieves_it(self):
-        # 1 A against 2.48 A asked for: constant torque until u − w is 1 A's worth.
-        joint = make_joint(peak=1.0, continuous=1.0)
-        joint.drive(127)
-        u = 127 * C
-        limit = 1.0 * 4.0 / (127 * 20 / 256) * u
-        joint.advance_to(0.01)
-        assert joint.w == pytest.approx(limit * 0.01 / T_M, rel=1e-9)
-        assert joint.motor.current(joint.w) == pytest.approx(1.0)
-        uniform = (u - limit) * T_M / limit
-        joint.advance_to(uniform + 0.005)
-        assert joint.w == pytest.approx(u - limit * exp(-0.005 / T_M), rel=1e-9)
-
-    def test_after_two_seconds_it_folds_back_to_the_continuous_one_and_recovers_when_relieved(self):
-        joint = make_joint(position=STOP - 1e-3, peak=2.0, continuous=0.5)
-        joint.forced_positive = False
-        joint.refresh()
-        joint.drive(100)
-        for n in range(1, 199):
-            joint.advance_to(n * 0.01)
-        assert joint.motor.current(joint.w) == pytest.approx(100 * 20 / 256 / 4)
-        for n in range(199, 203):
-            joint.advance_to(n * 0.01)
-        assert joint.motor.folded
-        assert joint.motor.current(joint.w) == pytest.approx(0.5)
-        assert joint.motor.demand(joint.w) == pytest.approx(100 * 20 / 256 / 4)
-        joint.drive(10)
-        joint.advance_to(2.04)
-        assert not joint.motor.folded
-
-    def test_current_limits_out_of_order_are_refused(self):
-        with pytest.raises(ValueError, match="continuous <= peak"):
-            make_joint(peak=1.0, continuous=2.0)
-
-
 class TestHardStops:
     @pytest.mark.parametrize("way", [1, -1])
-    def test_the_joint_rests_against_them_and_comes_off_again(self, way):
+    def test_the_joint_rests_against_them_and_comes_off_again(self, way, make_joint):
         joint = make_joint(position=way * (STOP - 100))
         joint.forced_positive = joint.forced_negative = False
         joint.refresh()
@@ -171,14 +28,21 @@ class TestHardStops:
         joint.advance_to(1.02)
         assert abs(joint.m) < STOP
 
-    def test_no_place_beyond_them(self):
+    def test_no_place_beyond_them(self, make_joint):
         with pytest.raises(ValueError, match="stops"):
             make_joint(position=STOP + 1)
 
 
+def bisect(f, low, high):
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (low, middle) if f(middle) > 0 else (middle, high)
+    return high
+
+
 class TestSwitches:
     @pytest.mark.parametrize("way", [1, -1])
-    def test_each_closes_at_its_place_and_opens_there(self, way):
+    def test_each_closes_at_its_place_and_opens_there(self, way, make_joint):
         joint = make_joint(position=way * (SWITCH - 50))
         joint.drive(way * 5)
         joint.advance_to(0.1)
@@ -191,7 +55,7 @@ class TestSwitches:
         assert not joint.negative_closed
         assert abs(joint.j) < SWITCH
 
-    def test_from_the_crossing_on_nothing_drives_into_it_and_the_shaft_coasts(self):
+    def test_from_the_crossing_on_nothing_drives_into_it_and_the_shaft_coasts(self, make_joint):
         joint = make_joint(position=SWITCH - 50)
         joint.drive(10)
         joint.advance_to(0.02)
@@ -202,13 +66,13 @@ class TestSwitches:
         assert joint.m == pytest.approx(SWITCH + speed * (0.02 - crossing), abs=EXACT)
         assert joint.motor.current(joint.w) == 0.0
 
-    def test_coasting_ends_at_the_hard_stop(self):
+    def test_coasting_ends_at_the_hard_stop(self, make_joint):
         joint = make_joint(position=SWITCH - 50)
         joint.drive(100)
         joint.advance_to(0.5)
         assert (joint.m, joint.w) == (STOP, 0.0)
 
-    def test_braking_and_driving_off_a_closed_switch_is_allowed(self):
+    def test_braking_and_driving_off_a_closed_switch_is_allowed(self, make_joint):
         joint = make_joint(position=SWITCH + 10)
         joint.drive(50)
         joint.advance_to(0.01)
@@ -219,7 +83,7 @@ class TestSwitches:
             SWITCH + 10 - 50 * C * (0.02 - T_M * (1 - exp(-0.02 / T_M))), abs=EXACT
         )
 
-    def test_a_held_switch_shows_and_inhibits_anywhere(self):
+    def test_a_held_switch_shows_and_inhibits_anywhere(self, make_joint):
         joint = make_joint()
         joint.forced_negative = True
         joint.refresh()
@@ -228,22 +92,15 @@ class TestSwitches:
         assert (joint.negative_closed, joint.m) == (True, 0.0)
 
 
-def bisect(f, low, high):
-    for _ in range(200):
-        middle = (low + high) / 2
-        low, high = (low, middle) if f(middle) > 0 else (middle, high)
-    return high
-
-
 class TestFriction:
-    def test_holds_what_does_not_overcome_it(self):
+    def test_holds_what_does_not_overcome_it(self, make_joint):
         joint = make_joint(friction=2.0)
         for command in (2, -2, 1, 0):
             joint.drive(command)
             joint.advance_to(joint.t + 0.1)
             assert (joint.m, joint.w) == (0.0, 0.0)
 
-    def test_takes_two_counts_off_a_steady_drive(self):
+    def test_takes_two_counts_off_a_steady_drive(self, make_joint):
         joint = make_joint(friction=2.0)
         joint.drive(12)
         joint.advance_to(0.05)
@@ -253,7 +110,7 @@ class TestFriction:
         joint.advance_to(0.05)
         assert joint.w == pytest.approx(-10 * C * (1 - exp(-0.05 / T_M)), abs=EXACT)
 
-    def test_stops_a_shaft_at_the_closed_forms_time_and_place(self):
+    def test_stops_a_shaft_at_the_closed_forms_time_and_place(self, make_joint):
         joint = make_joint(friction=2.0)
         joint.w = 6000.0
         # ẇ = (−2C − w)/T_M from w₀ = 6000: stands at t = T_M ln(1 + w₀/2C).
@@ -266,7 +123,7 @@ class TestFriction:
         joint.advance_to(1.0)
         assert joint.m == pytest.approx(6000 * T_M - 2 * C * stop, abs=EXACT)
 
-    def test_reverses_exactly_when_driven_back(self):
+    def test_reverses_exactly_when_driven_back(self, make_joint):
         joint = make_joint(friction=2.0)
         joint.w = 6000.0
         joint.drive(-10)
@@ -274,7 +131,7 @@ class TestFriction:
         joint.advance_to(turn + 0.01)
         assert joint.w == pytest.approx(-8 * C * (1 - exp(-0.01 / T_M)), abs=EXACT)
 
-    def test_acts_on_an_inhibited_shaft_too(self):
+    def test_acts_on_an_inhibited_shaft_too(self, make_joint, bridge):
         joint = make_joint(friction=2.0)
         joint.w = 6000.0
         bridge(joint, Bridge.INHIBITED)
@@ -284,7 +141,7 @@ class TestFriction:
 
 
 class TestBacklash:
-    def test_the_joint_follows_half_a_gap_behind_and_stands_through_a_reversal(self):
+    def test_the_joint_follows_half_a_gap_behind_and_stands_through_a_reversal(self, make_joint):
         joint = make_joint(backlash=8.0)
         joint.w = 2000.0
         joint.advance_to(1.0)
@@ -297,7 +154,7 @@ class TestBacklash:
         joint.advance_to(3.0)
         assert joint.j == pytest.approx(joint.m + 4.0, abs=EXACT)
 
-    def test_the_sensor_is_on_the_joint(self):
+    def test_the_sensor_is_on_the_joint(self, make_joint):
         edges = []
         joint = make_joint(position=EDGE - 20.5, backlash=8.0)
         joint.on_home = lambda level, count, t: edges.append((level, count))
@@ -311,7 +168,7 @@ class TestBacklash:
 
 class TestHomeSensor:
     @pytest.mark.parametrize("step", [0.3, 2.048e-3, 1e-4])
-    def test_its_edge_comes_at_the_closed_forms_time_and_count(self, step):
+    def test_its_edge_comes_at_the_closed_forms_time_and_count(self, step, make_joint):
         edges = []
         joint = make_joint(position=EDGE - 200.25)
         joint.on_home = lambda level, count, t: edges.append((level, count, t))
@@ -321,7 +178,7 @@ class TestHomeSensor:
         crossing = bisect(lambda t: 7 * C * (t - T_M * (1 - exp(-t / T_M))) - 200.25, 0, 0.3)
         assert edges == [(True, floor(EDGE), pytest.approx(crossing, abs=1e-9))]
 
-    def test_on_a_mirrored_joint_it_goes_on_as_the_counts_fall(self):
+    def test_on_a_mirrored_joint_it_goes_on_as_the_counts_fall(self, make_joint):
         edges = []
         joint = make_joint(position=3900.0, sign=-1, edge=3871.0)
         assert not joint.sensor
@@ -331,7 +188,7 @@ class TestHomeSensor:
         assert edges == [(True, 3871)]
         assert joint.angle == pytest.approx(-joint.m / E)
 
-    def test_stuck_it_gives_no_edge(self):
+    def test_stuck_it_gives_no_edge(self, make_joint):
         edges = []
         joint = make_joint(position=EDGE - 50)
         joint.on_home = lambda level, count, t: edges.append(level)
@@ -348,7 +205,7 @@ class TestHomeSensor:
 
 class TestIndex:
     @pytest.mark.parametrize(("start", "command", "first"), [(1990.5, 5, 2000), (2011.5, -5, 2000)])
-    def test_comes_every_2000_counts_in_both_directions(self, start, command, first):
+    def test_comes_every_2000_counts_in_both_directions(self, start, command, first, make_joint):
         seen = []
         joint = make_joint(position=start)
         joint.index_armed = True
@@ -362,15 +219,15 @@ class TestIndex:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.tuples(st.integers(-128, 127), st.floats(1e-5, 5e-3)), min_size=5, max_size=60),
-    st.sampled_from([0.0, 2.0]),
-    st.sampled_from([0.0, 6.0]),
-    st.sampled_from([0.5, 20.0]),
-    st.floats(-14000, 14000),
-    st.sampled_from(list(Bridge)),
+    commands=st.lists(st.tuples(st.integers(-128, 127), st.floats(1e-5, 5e-3)), min_size=5, max_size=60),
+    friction=st.sampled_from([0.0, 2.0]),
+    backlash=st.sampled_from([0.0, 6.0]),
+    current=st.sampled_from([0.5, 20.0]),
+    start=st.floats(-14000, 14000),
+    state=st.sampled_from(list(Bridge)),
 )
 def test_whatever_is_asked_of_it_it_stays_between_its_stops_and_within_its_speed(
-    commands, friction, backlash, current, start, state
+    commands, friction, backlash, current, start, state, make_joint, bridge
 ):
     joint = make_joint(start, friction=friction, backlash=backlash, peak=current, continuous=current)
     bridge(joint, state)
@@ -387,7 +244,7 @@ def test_whatever_is_asked_of_it_it_stays_between_its_stops_and_within_its_speed
         assert joint.sensor == (joint.j >= EDGE) or abs(joint.j - EDGE) < EXACT
 
 
-def test_a_long_stretch_and_many_short_ones_end_at_the_same_place():
+def test_a_long_stretch_and_many_short_ones_end_at_the_same_place(make_joint):
     def run(steps):
         joint = make_joint(position=EDGE - 30, friction=1.5, backlash=6.0)
         for command in (40, -60, 3, -2, 90, 0):
@@ -400,5 +257,5 @@ def test_a_long_stretch_and_many_short_ones_end_at_the_same_place():
     assert run(1) == pytest.approx(run(50), abs=EXACT)
 
 
-def test_an_unarmed_joint_is_never_due():
+def test_an_unarmed_joint_is_never_due(make_joint):
     assert make_joint().due == inf

@@ -149,6 +149,49 @@ class Rig:
         self.machine.advance_to(self.t)
         self.machine.verbs[verb](**arguments)
 
+    def close(self, side="positive", held="closed", axis="left_vergence"):
+        self.inject("switch", axis=axis, side=side, held=held)
+
+    def drives(self):
+        """Everything that could move an axis in idle, by its status."""
+        return {
+            "MODE": {self.status(0x16, [mode]) for mode in (1, 2, 3)},
+            "COMMAND": {self.command(1)},
+            "VELOCITY": {self.velocity(1)},
+            "MOVE": {self.move(1, start=0), self.move(1, start=1)},
+            "START": {self.status(0x1A, [1], WHOLE)},
+            "08H": {self.write(0x08, 0x90)},
+            "09H": {self.write(0x09, 1)},
+            "0CH": {self.write(0x0C, 0, 0, 1)},
+            "23H": {self.write(0x23, 1)},
+            "3CH": {self.write(0x3C, 1)},
+            "00H": {self.write(0x00, 0x08)},
+            "05H": {self.write(0x05, 3)},
+        }
+
+    def never_refused(self):
+        """MODE 0, STOP, reads, settings: their statuses."""
+        return {
+            self.status(0x16, [0]),
+            self.status(0x20),
+            self.status(0x10, [0x12, 3]),
+            self.status(0x12),
+            self.status(0x14, axis=WHOLE),
+            self.status(0x15, (225, 0, 5, 255)),
+            self.status(0x18, [0, 1, 10]),
+            self.status(0x1B, bytes(4)),
+            self.status(0x1C),
+            self.status(0x1D, [0]),
+            self.status(0x1F, [0, 0]),
+            self.status(0x21),
+            self.status(0x22),
+            self.write(0x08, 0x80, 0),
+            self.write(0x20, 225, 0, 5),
+            self.write(0x29, 1, 2, 3),
+            self.write(0x05, 1),
+            self.write(0x18, 1, 2, 3, 4),
+        }
+
     def joint(self, axis=0):
         self.machine.advance_to(self.t)
         return self.machine.joints[NAMES[self.number, axis]]
