@@ -17,6 +17,7 @@ from math import cos, hypot, inf, isfinite, pi, sin, sqrt
 from typing import Literal
 
 from labmate.odometry import Odometry, OdometryNoise, Pose, WheelGeometry
+from medusa.errors import CommandError
 
 Direction = Literal["ccw", "cw"]
 DIRECTIONS: tuple[Direction, Direction] = ("ccw", "cw")
@@ -68,7 +69,7 @@ class Calibration:
         return OdometryNoise(wheel, self.wheel_base_deviation, self.wheel_ratio_deviation)
 
 
-class CalibrationError(ValueError):
+class CalibrationError(CommandError):
     """The closing errors cannot be those of a square driven both ways."""
 
 

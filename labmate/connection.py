@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from labmate import messages as m
 from labmate.config import BaseConfig
+from labmate.errors import StopNotConfirmed
 from labmate.messages import HelloPart
 from medusa.errors import DeviceFault, DeviceRestarted, MedusaError, NoReply, PortError
 from medusa.link import Event, Hello, Line, Session
@@ -19,6 +20,8 @@ from medusa.link import Event, Hello, Line, Session
 _LOG = logging.getLogger(__name__)
 
 _MC3000 = 1
+_FOUND_MOVING = 10.0
+"""Longest ramp (s) that an earlier host's limits are granted: from 1 m/s at 0.1 m/s²."""
 _RAMP = 0
 """The base's only watchdog action: ramp to a stop."""
 _NEIGHBOURS = (0x01, 0x02, 0x10, 0x11)
@@ -149,8 +152,16 @@ class Connection:
         return None
 
     async def _prepare(self) -> None:
+        """LIMITS, events, watchdog. A base found in motion is ramping down by the HELLO: LIMITS has to wait for it."""
         if self.config is None:
             return
+        try:
+            async with asyncio.timeout(_FOUND_MOVING):
+                while not m.StatusReply.decode(await self.request(m.STATUS, reads=True)).at_rest:
+                    await asyncio.sleep(0.05)
+        except TimeoutError:
+            told = f"{self.path}: the base still moves {_FOUND_MOVING:g} s after it was told to stop"
+            raise StopNotConfirmed(told) from None
         await self.request(m.LIMITS, self.config.wire_limits.encode())
         await self.session.event_mask(m.EVENT_MASK)
         await self.session.watchdog(self.config.safety.watchdog_ms, _RAMP)

@@ -79,20 +79,15 @@ def calibrate(
         )
 
     async def body() -> tuple[Calibration, list[SquareRun], WheelGeometry]:
-        from labmate.calibration import CalibrationError
         from labmate.config import write_calibration
         from labmate.odometry import Pose
         from labmate.square import calibrate as calibrate_runs
         from labmate.square_report import read_record
-        from medusa.errors import CommandError
 
         spread = _length(deviation)
         ends = [_measured(text, Pose) for text in measured]
         runs, nominal = read_record(Path(record))
-        try:
-            found = calibrate_runs(_paired(runs, ends), nominal, spread)
-        except CalibrationError as error:
-            raise CommandError(str(error)) from error
+        found = calibrate_runs(_paired(runs, ends), nominal, spread)
         note = f"UMBmark from {len(ends)} measured squares of {runs[0].side:g} m: " + " ".join(measured)
         write_calibration(Path(out), found, nominal.wheel_base, round(nominal.counts_per_metre), note)
         return found, runs, nominal

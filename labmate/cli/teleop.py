@@ -81,7 +81,7 @@ def _keys_of(descriptor: int) -> Iterator[_Keyboard]:
     finally:
         loop.remove_reader(descriptor)
         try:
-            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+            termios.tcsetattr(descriptor, termios.TCSAFLUSH, before)
         except termios.error:
             # The terminal has gone.
             keyboard.gone = True

@@ -9,14 +9,17 @@ import pytest
 
 from labmate import messages as m
 from labmate.base import Base, open_base
-from labmate.errors import StalePose
+from labmate.errors import MotionStopped, StalePose
 from labmate.messages import Ending, Mode
 from labmate.motion import BaseSnapshot
 from labmate.odometry import Pose
 from labmate.simulation import SimulatedBase
 from medusa.errors import CommandError, PortError
+from medusa.link import Line
 from sim_devices.bench import Bench
 from sim_devices.head import HeadMachine
+from sim_devices.labmate import BaseConfig as EmulatedConfig
+from sim_devices.labmate import BaseMachine
 
 Watched = list[BaseSnapshot]
 
@@ -286,3 +289,27 @@ async def test_a_base_at_another_address_is_named(sim: SimulatedBase) -> None:
     with pytest.raises(PortError, match="no base answers at address 20H; at 10H answers a Labmate base"):
         async with sim.open(msgspec.structs.replace(sim.config, port=port)):
             pass
+
+
+async def test_two_bases_on_one_line_drive_at_once(sim: SimulatedBase) -> None:
+    machines = {
+        "first": BaseMachine(EmulatedConfig(address=0x10), 1),
+        "second": BaseMachine(EmulatedConfig(address=0x11, start_y=3.0), 2),
+    }
+    async with (
+        Bench(machines, seed=0) as bench,
+        Line(bench.ports["labmate"], seed=0) as line,
+        Base(line, sim.config) as first,
+        Base(line, sim.config, address=0x11) as second,
+    ):
+        reports = await asyncio.gather(first.go(0.5), second.go(-0.3))
+        assert [report.travelled for report in reports] == pytest.approx([0.5, -0.3], abs=2e-3)
+        loop = asyncio.get_running_loop()
+        assert machines["second"].pose(loop.time()).x == pytest.approx(-0.3, abs=5e-3)
+        # An emergency stop is for everybody on the line.
+        going = asyncio.create_task(second.go(1.0))
+        await asyncio.sleep(1.0)
+        assert (await first.emergency_stop()).at_rest
+        with pytest.raises(MotionStopped) as stopped:
+            await going
+        assert stopped.value.reason == "emergency stop"

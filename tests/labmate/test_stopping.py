@@ -15,6 +15,7 @@ from labmate.messages import BaseEvent, Ending, Flags, Mode
 from labmate.odometry import Pose
 from labmate.simulation import SimulatedBase, simulated_base
 from medusa.errors import CommandError, DeviceFault, DeviceRestarted, MedusaError
+from medusa.link import Line
 from sim_devices.labmate import BaseConfig as EmulatedConfig
 from sim_devices.link.faults import FaultPlan
 
@@ -418,3 +419,17 @@ async def test_mode_stopping_is_seen_on_the_way_to_rest(base: Base) -> None:
     assert Mode.STOPPING in seen
     assert seen[-1] is Mode.IDLE
     assert outcome_of(task).reason == "stop"
+
+
+async def test_a_host_that_connects_to_a_moving_base_finds_it_standing(sim: SimulatedBase) -> None:
+    async with Line(sim.port, seed=3) as line:
+        earlier = line.session(m.DEFAULT_ADDRESS)
+        await earlier.open()
+        await earlier.request(m.GO, payload=m.Go(5.0).encode(), moves=True)
+        await asyncio.sleep(2.0)
+        # The earlier host vanishes without a word; it had set no watchdog.
+    assert sim.bench.state()["base"]["mode"] == "go"
+    async with sim.open() as base:
+        assert (await base.snapshot()).at_rest
+        await assert_it_stays(sim)
+        assert (await base.go(0.1)).ending is Ending.REACHED

@@ -1,0 +1,5 @@
+"""`python -m labmate.cli` is labmate-drive."""
+
+from labmate.cli import main
+
+main()
