@@ -137,9 +137,8 @@ class Body:
         return Happening(pressed=new)
 
     def replanned(self) -> None:
-        """Look again at how soon anything can be reached: the references were changed."""
-        if not self.floor.empty:
-            self._plan_check()
+        """Measure again how soon anything can be reached: the references were changed."""
+        self._check_at = self.now
 
     def room_for(self, box: Box) -> bool:
         """Whether a box would leave the frame clear."""

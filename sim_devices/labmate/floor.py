@@ -117,6 +117,7 @@ class Outline:
     def __init__(self, config: BaseConfig) -> None:
         x, y, travel = config.length / 2, config.width / 2, config.bumper_travel
         self.radius = hypot(x, y)
+        self._travel = travel
         self._hull = Rectangle(-x, x, -y, y)
         self._frame = Rectangle(-x + travel, x - travel, -y + travel, y - travel)
         self._bumpers = (
@@ -131,7 +132,7 @@ class Outline:
         high, low = floor.seen_from(x, y, heading)
         hull = _least(self._hull, high)
         if hull > 0:
-            return Contact((hull, hull, hull, hull), min(hull, _least(self._frame, low)))
+            return Contact((hull, hull, hull, hull), min(hull + self._travel, _least(self._frame, low)))
         front, rear, left, right = (_least(bumper, high) for bumper in self._bumpers)
         return Contact((front, rear, left, right), _least(self._frame, high + low))
 

@@ -75,7 +75,7 @@ class Motion:
         """Return the current drawn now."""
         if self.body.held:
             return HELD_AMPERES
-        return IDLE_AMPERES if self.body.at_rest else MOVING_AMPERES
+        return IDLE_AMPERES if self.body.unmoved else MOVING_AMPERES
 
     def drive(self, speed: float, turn_rate: float, valid_s: float) -> None:
         """Ramp to a speed and a turn rate, valid for a time; m/s, rad/s."""
