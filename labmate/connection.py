@@ -157,7 +157,9 @@ class Connection:
             return
         try:
             async with asyncio.timeout(_FOUND_MOVING):
-                while not m.StatusReply.decode(await self.request(m.STATUS, reads=True)).at_rest:
+                while True:
+                    if m.StatusReply.decode(await self.request(m.STATUS, reads=True)).at_rest:
+                        break
                     await asyncio.sleep(0.05)
         except TimeoutError:
             told = f"{self.path}: the base still moves {_FOUND_MOVING:g} s after it was told to stop"
