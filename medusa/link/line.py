@@ -214,7 +214,7 @@ class Line:
             f"{address:02X}",
             KIND_NAMES[kind],
             f"#{sequence}",
-            f"event {operation:02X}H" if kind in (EVENT, ACKNOWLEDGEMENT) else name,
+            _event_name(operation, name) if kind in (EVENT, ACKNOWLEDGEMENT) else name,
         ]
         if kind == REPLY:
             words.append(f"status {axis}")
@@ -245,3 +245,8 @@ class Line:
                     return
             except MedusaError as error:
                 log.debug("not recovered yet: %s", error)
+
+
+def _event_name(operation: int, name: str) -> str:
+    known = name.removeprefix("event ")
+    return f"event {operation:02X}H" if known.startswith("operation ") else f"event {known}"

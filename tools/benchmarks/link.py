@@ -101,7 +101,7 @@ async def bare(path: str) -> AsyncIterator[Ask]:
     def expire() -> None:
         waiting.pop().set_exception(TimeoutError())
 
-    async def ask() -> bytes:
+    async def ask() -> object:
         future = loop.create_future()
         waiting.append(future)
         timer = loop.call_later(DEADLINE, expire)
