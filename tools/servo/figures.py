@@ -60,7 +60,8 @@ def figure_steps(smooth: Mapping[str, Sequence[Run]], rough: Mapping[str, Sequen
                 sign * run.predicted,
                 ".",
                 color=INK,
-                markersize=3.5,
+                markersize=4,
+                markevery=_every(run, span),
                 label="design's prediction",
             )
             ax.set_xlim(0, span)
@@ -92,6 +93,7 @@ def figure_velocities(
         for column, name in enumerate(names):
             ax, run, other = grid[row, column], smooth[name], rough[name]
             sign = math.copysign(1.0, run.command[-1])
+            until = 80.0 if row == 0 else 160.0
             ax.plot(
                 run.time * 1e3, sign * _speed(run, run.command), color=GREY, linewidth=1.2, label="commanded"
             )
@@ -110,10 +112,11 @@ def figure_velocities(
                 sign * _speed(run, run.predicted),
                 ".",
                 color=INK,
-                markersize=2.5,
+                markersize=4,
+                markevery=_every(run, until),
                 label="predicted",
             )
-            ax.set_xlim(0, 220 if row == 0 else 400)
+            ax.set_xlim(0, until)
             ax.set_ylim(bottom=-1)
             if row == 0:
                 ax.set_title(_title(name))
@@ -154,7 +157,9 @@ def figure_profiles(smooth: Mapping[str, Run], rough: Mapping[str, Run]) -> Figu
                     sign * _speed(run, run.predicted),
                     ".",
                     color=INK,
-                    markersize=3,
+                    markersize=4,
+                    markevery=_every(run, until),
+                    zorder=3,
                     label="predicted",
                 )
                 ax.set_title(_title(name))
