@@ -19,6 +19,8 @@ RATE_HZ = 6.0
 SIZE = 256
 FIELD_OF_VIEW_DEG = 60.0
 FOVEA = 0.10
+# Where the disc is in most pictures while the screen is in the middle: the fairest place for a still head.
+AT_THE_DISC = Joints(math.radians(10.5), math.radians(14.5), math.radians(-1.9), math.radians(1.9))
 # The white disc is some 54 of 384 px wide, so 27° on the screen; the bright background is larger or ragged.
 DISC = Shape(least_area_px=400.0, largest_area_px=4000.0, least_roundness=0.93, least_flatness=0.4)
 
@@ -65,12 +67,14 @@ def _centred(image: NDArray[np.uint8]) -> bool:
     return math.hypot(right, down) <= FOVEA * width
 
 
-async def watch_screen(pictures: Path, *, seconds: float = 23.0, still: bool = False) -> dict[str, Any]:
+async def watch_screen(
+    pictures: Path, *, seconds: float = 23.0, still: bool = False, width: int = SIZE
+) -> dict[str, Any]:
     """The head before the screen; all pictures forth and back take 23 s."""
     async with open_rig() as rig:
         run = await rig.run(
-            screen_world(pictures), predictive_gaze(RATE_HZ, coordination=SharedEffort()), seconds,
-            start=Joints(0.0, 0.0, 0.0, 0.0), detectors=(disc_in, disc_in),
+            screen_world(pictures, width=width), predictive_gaze(RATE_HZ, coordination=SharedEffort()), seconds,
+            start=AT_THE_DISC if still else Joints(0.0, 0.0, 0.0, 0.0), detectors=(disc_in, disc_in),
             settings=LoopSettings(COMMAND_PERIOD), keep_pictures=True, still=still,
         )  # fmt: skip
     saccades = [end - run.start for _, end, _ in run.log.saccades]
