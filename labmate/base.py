@@ -94,7 +94,6 @@ class Base:
             if error is None or isinstance(error, asyncio.CancelledError):
                 raise
             error.add_note(str(failed))
-            _LOG.error("%s", failed)
         finally:
             await self.connection.close(standing=standing)
 

@@ -25,10 +25,7 @@ class MotionStopped(DeviceFault):
 def out_of_reach(error: MedusaError) -> MotionStopped:
     """What a lost line or a restart means for whatever was moving."""
     restarted = isinstance(error, DeviceRestarted)
-    tail = "" if restarted else "; the base's own watchdog stops it"
-    stopped = MotionStopped(
-        f"the motion ended: {error}{tail}", reason="restart" if restarted else "line lost"
-    )
+    stopped = MotionStopped(f"the motion ended: {error}", reason="restart" if restarted else "line lost")
     stopped.__cause__ = error
     return stopped
 

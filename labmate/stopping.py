@@ -11,7 +11,7 @@ from labmate.errors import StopNotConfirmed
 from labmate.messages import Flags
 from labmate.motion import BaseSnapshot
 from labmate.readings import Readings
-from medusa.errors import CommandError, DeviceRestarted, DeviceSilent, MedusaError, NoReply
+from medusa.errors import CommandError, DeviceRestarted, DeviceSilent, MedusaError, NoReply, PortError
 
 _LOG = logging.getLogger(__name__)
 
@@ -29,6 +29,9 @@ async def stop(connection: Connection, readings: Readings, ramp: float) -> BaseS
     try:
         await _send_stop(connection)
         return await _confirm_rest(readings, ramp + _CONFIRM_MARGIN)
+    except PortError as error:
+        told = "the stop is not confirmed, the line is gone; the base's own watchdog stops it"
+        raise StopNotConfirmed(f"{connection.path}: {told}") from error
     except (MedusaError, TimeoutError) as error:
         told = str(error) or "the base still moves"
         try:
