@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from collections.abc import Awaitable, Callable
 from typing import Annotated, Any
 
 import typer
@@ -146,11 +147,33 @@ def stop(context: typer.Context) -> None:
 
 def estop(context: typer.Context) -> None:
     """Emergency stop: everything idle at once and latched, confirmed by reading back; `clear` releases it."""
-    _standing(context.obj, "emergency_stop", "emergency stop latched, every joint idle")
+    _standing(context.obj, "emergency_stop", "emergency stop latched, every joint idle", first=_latch_unheard)
 
 
-def _standing(options: Options, what: str, said: str) -> None:
+async def _latch_unheard(options: Options) -> None:
+    """Send the emergency stop before any greeting: boards that cannot be heard may still hear."""
+    from medusa.errors import NoReply
+    from medusa.link import Line
+
+    config = options.head_config()
+    path = options.boards or (config.ports.boards if config is not None else None)
+    if options.sim or config is None or path is None:
+        return
+    async with Line(path, baud=config.ports.baud) as line:
+        for address in config.board_addresses:
+            line.session(address)
+        try:
+            await line.emergency_stop()
+        except NoReply as error:
+            options.say(str(error))
+
+
+def _standing(
+    options: Options, what: str, said: str, first: Callable[[Options], Awaitable[None]] | None = None
+) -> None:
     async def body() -> None:
+        if first is not None:
+            await first(options)
         async with options.head() as (head, _):
             await getattr(head, what)()
         options.show({"confirmed": True}, lambda: print(said))

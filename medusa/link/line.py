@@ -249,4 +249,4 @@ class Line:
 
 def _event_name(operation: int, name: str) -> str:
     known = name.removeprefix("event ")
-    return f"event {operation:02X}H" if known.startswith("operation ") else f"event {known}"
+    return f"{operation:02X}H" if known.startswith("operation ") else known

@@ -5,11 +5,13 @@ import pty
 import re
 import subprocess
 import sys
+import tty
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from cobs import cobs
 
 Ctl = Callable[..., Any]
 
@@ -149,6 +151,25 @@ def test_a_busy_port_and_a_device_that_does_not_answer_are_said_so(ctl: Ctl, hea
     finally:
         os.close(master)
         os.close(slave)
+
+
+@pytest.mark.real_time
+def test_an_emergency_stop_goes_out_even_when_nobody_can_be_heard(ctl: Ctl, head_file: Path) -> None:
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    try:
+        ended = ctl("--config", "head.toml", "--boards", os.ttyname(slave), "estop")
+        sent = os.read(master, 4096)
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert ended.code == 5
+    messages = [cobs.decode(frame) for frame in sent.split(b"\0") if frame]
+    assert [message[:4] for message in messages[:3]] == [
+        bytes([0x00, number, 0x05, 0x0F]) for number in range(3)
+    ]
+    # Then to each board.
+    assert {message[0] for message in messages[3:5]} == {0x01, 0x02}
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["move", "--help"], ["demo", "--help"]])
