@@ -5,15 +5,30 @@ pseudo-tty is always seen before the clock moves. With epoll the clock would run
 """
 
 import asyncio
+import select
 import selectors
 import time
 from collections.abc import Coroutine
 from math import inf, nextafter
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import FileDescriptorLike
 
 T = TypeVar("T")
 
 _LEAST_RESOLUTION = 1e-9
+_STEPS_BETWEEN_POLLS = 64
+
+
+class Stepper(Protocol):
+    """Something that runs between the timers of a virtual loop, without timers of its own."""
+
+    def next_step(self) -> float:
+        """Return when it wants to run next; infinity: not."""
+
+    def step(self, now: float) -> None:
+        """Run at its time. It may set timers, but not call anything back."""
 
 
 class _JumpingSelector(selectors.PollSelector):
@@ -22,14 +37,38 @@ class _JumpingSelector(selectors.PollSelector):
     def __init__(self) -> None:
         super().__init__()
         self.loop: VirtualTimeLoop | None = None
+        # Asks only whether anything is ready: most often nothing is, and the answer costs less.
+        self._probe = select.poll()
+
+    def register(self, fileobj: "FileDescriptorLike", events: int, data: Any = None) -> selectors.SelectorKey:
+        key = super().register(fileobj, events, data)
+        self._probe.register(key.fd, _poll_mask(events))
+        return key
+
+    def modify(self, fileobj: "FileDescriptorLike", events: int, data: Any = None) -> selectors.SelectorKey:
+        key = super().modify(fileobj, events, data)
+        self._probe.modify(key.fd, _poll_mask(events))
+        return key
+
+    def unregister(self, fileobj: "FileDescriptorLike") -> selectors.SelectorKey:
+        key = super().unregister(fileobj)
+        self._probe.unregister(key.fd)
+        return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        ready = super().select(0)
-        if ready or timeout is None or timeout <= 0 or self.loop is None:
-            # No timer at all: only a signal, a thread or another process can go on, so wait for it.
-            return super().select(None) if not ready and timeout is None else ready
-        self.loop.jump(timeout)
-        return ready
+        if self._probe.poll(0):
+            return super().select(0)
+        if timeout is not None and timeout <= 0:
+            return []
+        if self.loop is not None and self.loop.jump():
+            return []
+        # No timer at all: only a signal, a thread or another process can go on, so wait for it.
+        return super().select(timeout)
+
+
+def _poll_mask(events: int) -> int:
+    mask = select.POLLIN if events & selectors.EVENT_READ else 0
+    return mask | select.POLLOUT if events & selectors.EVENT_WRITE else mask
 
 
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
@@ -42,21 +81,45 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def __init__(self) -> None:
         selector = _JumpingSelector()
         self._now = 0.0
+        self._steppers: list[Stepper] = []
         super().__init__(selector)
         selector.loop = self
 
     def time(self) -> float:
         return self._now
 
-    def jump(self, timeout: float) -> None:
-        """Move the clock to the next timer, `timeout` seconds on."""
+    def add_stepper(self, stepper: Stepper) -> None:
+        """Run something between the timers, each step at its own time."""
+        self._steppers.append(stepper)
+
+    def remove_stepper(self, stepper: Stepper) -> None:
+        """Run it no more."""
+        self._steppers.remove(stepper)
+
+    def jump(self) -> bool:
+        """Move the clock to the next timer by way of the steps before it; False when there is neither."""
         scheduled: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]
-        # The timer's own time: now + (when − now) may miss it by a rounding.
-        target = scheduled[0].when() if scheduled else self._now + timeout
-        if target + _LEAST_RESOLUTION == target:
+        for _ in range(_STEPS_BETWEEN_POLLS):
+            timer = scheduled[0].when() if scheduled else inf
+            step, stepper = timer, None
+            for candidate in self._steppers:
+                due = candidate.next_step()
+                if due < step:
+                    step, stepper = due, candidate
+            if stepper is None:
+                self._move_to(timer)
+                return timer < inf
+            self._now = max(self._now, step)
+            stepper.step(self._now)
+        return True
+
+    def _move_to(self, timer: float) -> None:
+        if timer == inf:
+            return
+        if timer + _LEAST_RESOLUTION == timer:
             # After months a double's steps exceed the loop's resolution, and it would never call this timer.
-            target = nextafter(target, inf)
-        self._now = max(self._now, target)
+            timer = nextafter(timer, inf)
+        self._now = max(self._now, timer)
 
 
 class _ScaledSelector(selectors.DefaultSelector):

@@ -7,6 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import Protocol
 
+from sim_devices.clock import VirtualTimeLoop
 from sim_devices.link.device import LinkDevice
 from sim_devices.link.faults import Direction, FaultPlan, FaultyWire
 from sim_devices.link.pty_port import PtyPort, place_link, remove_link
@@ -76,6 +77,8 @@ class Line:
         self._replug: asyncio.TimerHandle | None = None
         self._serving = False
         self._up_since = 0.0
+        self._wake_due = inf
+        self._steps_with: VirtualTimeLoop | None = None
         for device in self.devices:
             device.send = self._send
 
@@ -104,6 +107,9 @@ class Line:
         """Open the terminal and serve it on the running loop."""
         self._loop = asyncio.get_running_loop()
         self._up_since = self._loop.time()
+        if isinstance(self._loop, VirtualTimeLoop):
+            self._steps_with = self._loop
+            self._loop.add_stepper(self)
         self.plug()
         self.rearm()
 
@@ -115,6 +121,20 @@ class Line:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        if self._steps_with is not None:
+            self._steps_with.remove_stepper(self)
+            self._steps_with = None
+
+    def next_step(self) -> float:
+        """Return when a device wants to be woken: in virtual time without a timer of its own."""
+        return self._wake_due
+
+    def step(self, now: float) -> None:
+        """Wake the devices that are due."""
+        self._serving = True
+        self._wake(now)
+        self._serving = False
+        self._arm()
 
     def plug(self) -> None:
         """Put the cable in: a new terminal, at the same link."""
@@ -204,7 +224,7 @@ class Line:
 
     def _arm(self) -> None:
         """Have one timer run at the earliest thing to do."""
-        due = min(self._dues, default=inf)
+        due = self._wake_due if self._steps_with is None else inf
         for wire in (self._inbound, self._outbound):
             if wire.queue and wire.queue[0][0] < due:
                 due = wire.queue[0][0]
@@ -226,8 +246,7 @@ class Line:
         while True:
             arrival = inbound.queue[0][0] if inbound.queue else inf
             departure = outbound.queue[0][0] if outbound.queue else inf
-            wake = min(self._dues, default=inf)
-            due = min(arrival, departure, wake)
+            due = min(arrival, departure, self._wake_due)
             if due > now:
                 break
             if due == departure:
@@ -272,6 +291,7 @@ class Line:
             due = device.next_due()
             # A device that rounds its own time a hair short must not hold the clock still.
             self._dues[n] = inf if due is None else due if due > t else t + _LEAST_ADVANCE_S
+        self._wake_due = min(self._dues)
 
     def _ask_devices(self) -> None:
         for n, device in enumerate(self.devices):
@@ -281,3 +301,4 @@ class Line:
                 logger.exception("a device on line %s failed", self.name)
                 due = self._loop.time() + _FAILED_DEVICE_PAUSE_S
             self._dues[n] = inf if due is None else due
+        self._wake_due = min(self._dues, default=inf)

@@ -87,3 +87,68 @@ def test_a_scaled_loop_passes_its_seconds_faster():
 def test_a_speed_must_be_positive(speed):
     with pytest.raises(ValueError, match="must be above 0"):
         ScaledTimeLoop(speed)
+
+
+class Beat:
+    """Steps at every multiple of a period, up to an end."""
+
+    def __init__(self, period, end):
+        self.period, self.end = period, end
+        self.steps = []
+
+    def next_step(self):
+        due = (len(self.steps) + 1) * self.period
+        return due if due <= self.end else float("inf")
+
+    def step(self, now):
+        self.steps.append((now, asyncio.get_running_loop().time()))
+
+
+def test_steps_run_between_timers_each_at_its_own_time():
+    async def run():
+        loop = asyncio.get_running_loop()
+        quick, slow = Beat(0.25, 10.0), Beat(0.75, 10.0)
+        loop.add_stepper(quick)
+        loop.add_stepper(slow)
+        await asyncio.sleep(1.6)
+        seen = len(quick.steps), len(slow.steps)
+        await asyncio.sleep(1.0)
+        loop.remove_stepper(quick)
+        await asyncio.sleep(100.0)
+        return seen, quick.steps, slow.steps, loop.time()
+
+    seen, quick, slow, end = run_virtual(run())
+    assert seen == (6, 2)
+    assert quick == [(0.25 * n, 0.25 * n) for n in range(1, 11)]
+    assert slow == [(0.75 * n, 0.75 * n) for n in range(1, 14)]
+    assert end == 102.6
+
+
+def test_a_step_may_set_the_timer_that_the_loop_waits_for():
+    async def run():
+        loop = asyncio.get_running_loop()
+        done = asyncio.Event()
+
+        class Once(Beat):
+            def step(self, now):
+                super().step(now)
+                loop.call_at(now + 0.5, done.set)
+
+        loop.add_stepper(Once(2.0, 2.0))
+        await done.wait()
+        return loop.time()
+
+    assert run_virtual(run()) == 2.5
+
+
+def test_endless_steps_do_not_keep_what_is_ready_waiting():
+    async def run():
+        loop = asyncio.get_running_loop()
+        beat = Beat(0.005, float("inf"))
+        loop.add_stepper(beat)
+        # Only the thread's answer ends this, and no timer is set.
+        await asyncio.to_thread(lambda: None)
+        loop.remove_stepper(beat)
+        return True
+
+    assert run_virtual(run())
