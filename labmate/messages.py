@@ -36,17 +36,11 @@ EVENT_BUMPER: Final = 0x51
 EVENT_BATTERY_LOW: Final = 0x52
 EVENT_STALLED: Final = 0x53
 
-EVENT_MASK: Final = sum(
-    1 << (event - 0x40)
-    for event in (
-        EVENT_EMERGENCY_STOP,
-        EVENT_WATCHDOG,
-        EVENT_MOTION_DONE,
-        EVENT_BUMPER,
-        EVENT_BATTERY_LOW,
-        EVENT_STALLED,
-    )
+_EVENTS: Final = (
+    *(EVENT_EMERGENCY_STOP, EVENT_WATCHDOG),
+    *(EVENT_MOTION_DONE, EVENT_BUMPER, EVENT_BATTERY_LOW, EVENT_STALLED),
 )
+EVENT_MASK: Final = sum(1 << (event - 0x40) for event in _EVENTS)
 """Every event of the base, as EVENT_MASK takes them (bit n: event 40H + n)."""
 
 OPERATION_NAMES: Final = {
