@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import tempfile
 from collections.abc import AsyncIterator, Coroutine
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from medusa.config import HeadConfig
@@ -121,6 +124,36 @@ def simulated_surroundings(
         latency_ms=latency_ms,
     )
     return WorldConfig(target=seen, cameras=cameras)
+
+
+def simulated_board(
+    stack: AsyncExitStack, picture: NDArray[np.uint8], size: tuple[float, float], rate: float
+) -> WorldConfig:
+    """A calibration board of `size` metres before the head, slanted by nobody's hand; for `--sim`.
+
+    Its picture lives in a folder of its own until the stack ends.
+    """
+    import cv2
+
+    from sim_devices.worlds.config import CamerasConfig, PathConfig, TargetConfig, WorldConfig
+
+    folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="medusa-board-"))
+    cv2.imwrite(str(Path(folder) / "board.png"), picture)
+    distance = 0.55
+    angles = (2.0 * math.degrees(math.atan(side / 2.0 / distance)) for side in size)
+    board = TargetConfig(
+        kind="screen",
+        pictures=folder,
+        screen_deg=(next(angles), next(angles)),
+        azimuth_deg=PathConfig(),
+        elevation_deg=PathConfig(),
+        distance_m=PathConfig(mean=distance),
+    )
+    cameras = CamerasConfig(
+        width=320, height=240, field_of_view_deg=50.0, rate_hz=rate, left_offset_m=(0.012, 0.0, 0.0),
+        right_offset_m=(0.012, 0.0, 0.0), left_mount_deg=(0.4, -0.5, 0.8), right_mount_deg=(-0.3, 0.4, -0.6),
+    )  # fmt: skip
+    return WorldConfig(target=board, cameras=cameras)
 
 
 @asynccontextmanager

@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from medusa.cli import demo, design, machine, motion, servo, setup, track
+from medusa.cli import calibrate, demo, design, machine, motion, servo, setup, track
 from medusa.cli.options import Options, globals_first
 
 app = typer.Typer(
@@ -50,7 +50,7 @@ def _medusa_ctl(
     )
 
 
-for group in (setup, machine, motion, servo, design, demo, track):
+for group in (setup, machine, motion, servo, design, demo, track, calibrate):
     group.register(app)
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from medusa.calibration import turn_matrix
 from medusa.errors import CommandError
 from medusa.gaze.assembly import bright_detectors, patch_detectors
 from medusa.gaze.retina import Detector, Retina
-from medusa.kinematics import HeadGeometry
+from medusa.kinematics import HeadGeometry, Vector
 from perception.camera.device import CaptureSettings, open_camera
 from perception.camera.intrinsics import Intrinsics, load_intrinsics
 from perception.camera.slot import SlotCamera
@@ -31,10 +32,11 @@ class Eyes:
     intrinsics: tuple[Intrinsics, Intrinsics]
     geometry: HeadGeometry
     detectors: tuple[Detector, Detector]
+    turns: tuple[Vector, Vector] | None = None
 
     def retina(self) -> Retina:
         """What turns pairs of pictures into sightings."""
-        return Retina(*self.intrinsics, *self.detectors)
+        return Retina(*self.intrinsics, *self.detectors, turns=self.turns)
 
 
 def simulated_world(wish: Mapping[str, Any]) -> Any:
@@ -81,7 +83,7 @@ async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
             raise CommandError(f"--{key} is needed without --sim")
     path = Path(wish["cameras"])
     lenses = load_intrinsics(path, "left"), load_intrinsics(path, "right")
-    geometry = _load_geometry(path)
+    geometry, turns = _load_geometry(path)
     settings = CaptureSettings(rate=wish["rate"])
     detectors = (
         patch_detectors(_read_patch(wish["patch"]))
@@ -91,7 +93,7 @@ async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
     left = open_camera(wish["left"], settings, name="left")
     right = open_camera(wish["right"], settings, name="right")
     async with left, right:
-        yield Eyes((left, right), lenses, geometry, detectors)
+        yield Eyes((left, right), lenses, geometry, detectors, turns)
 
 
 def _shape(wish: Mapping[str, Any]) -> Shape | None:
@@ -110,15 +112,20 @@ def _read_patch(path: str) -> Any:
     return picture
 
 
-def _load_geometry(path: Path) -> HeadGeometry:
-    """Baseline and optical centres from the table [head]; raises CommandError naming file and key."""
+def _load_geometry(path: Path) -> tuple[HeadGeometry, tuple[Vector, Vector]]:
+    """Baseline, optical centres and turns from the table [head]; raises CommandError naming file and key."""
     table = tomllib.loads(path.read_text(encoding="utf-8")).get("head")
     if not isinstance(table, dict) or not isinstance(table.get("baseline_m"), float):
         raise CommandError(f"{path}: [head] baseline_m is missing; `medusa-ctl calibrate --head` writes it")
-    centres = []
-    for key in ("left_centre_m", "right_centre_m"):
-        values = table.get(key, [0.0, 0.0, 0.0])
-        if not (isinstance(values, list) and len(values) == 3 and all(isinstance(v, float) for v in values)):
-            raise CommandError(f"{path}: [head] {key} must be three numbers in metres, not {values!r}")
-        centres.append((values[0], values[1], values[2]))
-    return HeadGeometry(table["baseline_m"], *centres)
+    left, right, left_turn, right_turn = (
+        _triple(path, table, key)
+        for key in ("left_centre_m", "right_centre_m", "left_turn_rad", "right_turn_rad")
+    )
+    return HeadGeometry(table["baseline_m"], left, right), (turn_matrix(left_turn), turn_matrix(right_turn))
+
+
+def _triple(path: Path, table: Mapping[str, Any], key: str) -> tuple[float, float, float]:
+    values = table.get(key, [0.0, 0.0, 0.0])
+    if not (isinstance(values, list) and len(values) == 3 and all(isinstance(v, float) for v in values)):
+        raise CommandError(f"{path}: [head] {key} must be three decimal numbers, not {values!r}")
+    return values[0], values[1], values[2]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from medusa.gaze.command import Sighting
-from medusa.kinematics import Joints, Tangents
+from medusa.kinematics import Joints, Tangents, Vector
 from perception.target import Image, Target
 
 if TYPE_CHECKING:
@@ -19,26 +19,38 @@ Detector = Callable[[Image], Target | None]
 
 
 class Retina:
-    """Both eyes' optics and detectors; a detector may remember (a patch's does), so each eye has its own."""
+    """Both eyes' optics and detectors; a detector may remember (a patch's does), so each eye has its own.
+
+    turns: rotations (3, 3) from each camera's own optical axes to those its joint means, by calibration.
+    """
 
     def __init__(
-        self, left: "Intrinsics", right: "Intrinsics", detect_left: Detector, detect_right: Detector
+        self,
+        left: "Intrinsics",
+        right: "Intrinsics",
+        detect_left: Detector,
+        detect_right: Detector,
+        *,
+        turns: tuple[Vector, Vector] | None = None,
     ) -> None:
-        self._eyes = ((left, detect_left), (right, detect_right))
+        left_turn, right_turn = turns if turns is not None else (np.eye(3), np.eye(3))
+        self._eyes = ((left, detect_left, left_turn), (right, detect_right, right_turn))
 
     def look(self, pair: "FramePair", joints: Joints) -> Sighting:
         """What the pair shows, the joints having stood so at its exposure."""
         tangents: list[Tangents | None] = []
         sigmas: list[float] = []
-        for frame, (intrinsics, detect) in zip((pair.left, pair.right), self._eyes, strict=True):
-            seen = None if frame is None else self._see(frame, intrinsics, detect)
+        for frame, (intrinsics, detect, turn) in zip((pair.left, pair.right), self._eyes, strict=True):
+            seen = None if frame is None else self._see(frame, intrinsics, detect, turn)
             tangents.append(None if seen is None else seen[0])
             if seen is not None:
                 sigmas.append(seen[1])
         return Sighting(pair.stamp, joints, tangents[0], tangents[1], max(sigmas, default=1.0))
 
     @staticmethod
-    def _see(frame: "Frame", intrinsics: "Intrinsics", detect: Detector) -> tuple[Tangents, float] | None:
+    def _see(
+        frame: "Frame", intrinsics: "Intrinsics", detect: Detector, turn: Vector
+    ) -> tuple[Tangents, float] | None:
         width, height = frame.size
         fitting = (
             intrinsics
@@ -50,5 +62,5 @@ class Retina:
         target = detect(grey)
         if target is None:
             return None
-        x, y = fitting.rays(np.array([target.x_px, target.y_px]))
-        return (float(x), float(y)), target.sigma_px / min(fitting.fx, fitting.fy)
+        ray = turn @ np.append(fitting.rays(np.array([target.x_px, target.y_px])), 1.0)
+        return (float(ray[0] / ray[2]), float(ray[1] / ray[2])), target.sigma_px / min(fitting.fx, fitting.fy)
