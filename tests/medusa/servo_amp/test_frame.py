@@ -3,6 +3,8 @@
 import itertools
 import json
 import random
+from binascii import crc_hqx
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -69,17 +71,28 @@ def test_every_one_bit_error_is_refused(name: str) -> None:
         assert not any(isinstance(item, Reply) for item in Decoder().feed(wrong)), bit
 
 
-def test_every_burst_of_up_to_16_bits_in_a_reply_without_data_is_refused() -> None:
-    frame = int.from_bytes(FRAMES["reply: no write access, sequence 2"], "big")
-    for length in range(2, 17):
+def bursts(lengths: range) -> Iterator[int]:
+    """Every pattern of these lengths that begins and ends with a wrong bit."""
+    for length in lengths:
         for between in range(1 << (length - 2)):
-            pattern = 1 << (length - 1) | between << 1 | 1
-            for shift in range(0, 64 - length + 1, 5):
-                if any(
-                    isinstance(i, Reply)
-                    for i in Decoder().feed((frame ^ pattern << shift).to_bytes(8, "big"))
-                ):
-                    pytest.fail(f"pattern {pattern:#x} at bit {shift} passed")
+            yield 1 << (length - 1) | between << 1 | 1
+
+
+def test_no_burst_of_up_to_16_bits_leaves_the_crc_of_a_header_as_it_is() -> None:
+    # A CRC is linear: header and CRC pass damaged exactly when the damage alone has the CRC 0.
+    for pattern in bursts(range(2, 17)):
+        for shift in range(64 - pattern.bit_length() + 1):
+            if crc_hqx((pattern << shift).to_bytes(8, "big"), 0) == 0:
+                pytest.fail(f"pattern {pattern:#x} at bit {shift} passes")
+
+
+def test_bursts_in_a_reply_are_refused() -> None:
+    frame = int.from_bytes(FRAMES["reply: position 123456, sequence 4"], "big")
+    size = len(FRAMES["reply: position 123456, sequence 4"])
+    for pattern in bursts(range(2, 14)):
+        shift = pattern * 7919 % (8 * size - pattern.bit_length() + 1)
+        wrong = (frame ^ pattern << shift).to_bytes(size, "big")
+        assert not any(isinstance(item, Reply) for item in Decoder().feed(wrong)), (pattern, shift)
 
 
 def test_after_a_bad_header_the_search_goes_on_from_its_second_byte() -> None:
