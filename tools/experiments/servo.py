@@ -7,6 +7,7 @@ the searched filter bytes against the thesis's, identification and saccades, and
 import argparse
 import json
 import math
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,16 @@ def main(argv: list[str]) -> int:
         "--design-only", action="store_true", help="no emulated head: seconds instead of a minute"
     )
     arguments = parser.parse_args(argv)
-    out: Path = arguments.out
+    try:
+        reproduce(arguments.out, design_only=arguments.design_only)
+    except OSError as error:
+        print(f"tools/reproduce servo: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def reproduce(out: Path, *, design_only: bool = False) -> None:
+    """Everything into `out`; OSError when it cannot be written."""
     began = time.perf_counter()
     designs = {
         name: design_servo(joint.constants.plant, joint.counts_per_radian, TIMER, name)
@@ -64,13 +74,12 @@ def main(argv: list[str]) -> int:
         "table_6_3": table_6_3(),
     }
     draw_design(designs, out)
-    if not arguments.design_only:
+    if not design_only:
         merits["on_the_plant"] = on_the_plant(out)
     path = out / "figures_of_merit.json"
     path.write_text(json.dumps(merits, indent=1, default=float) + "\n", encoding="utf-8")
     print_tables(merits)
     print(f"{path} and figures beside it, {time.perf_counter() - began:.0f} s")
-    return 0
 
 
 def draw_design(designs: dict[str, ServoDesign], out: Path) -> None:
@@ -171,8 +180,12 @@ def on_the_plant(out: Path) -> dict[str, Any]:
         "frictionless": machine_merits(smooth),
         "friction_2_dac_backlash_0.02_deg": machine_merits(rough),
         "searched": _searched(registers, searched),
+        "searched_with_friction_and_backlash": _searched(
+            registers, run_virtual(run_filters(registers, **ROUGH))
+        ),
         "searched_at_1_ms": _searched(quick, run_virtual(run_filters(quick))),
         "thirty_degrees": run_virtual(run_thirty_degrees()),
+        "thirty_degrees_with_friction_and_backlash": run_virtual(run_thirty_degrees(**ROUGH)),
     }
 
 

@@ -80,10 +80,12 @@ def _identification(name: str, found: Any) -> dict[str, float]:
     }
 
 
-async def run_filters(filters: dict[str, FilterRegisters]) -> dict[str, list[Run]]:
-    """Steps of every axis with given position filters, frictionless."""
+async def run_filters(
+    filters: dict[str, FilterRegisters], *, friction: float = 0.0, backlash_deg: float = 0.0
+) -> dict[str, list[Run]]:
+    """Steps of every axis with given position filters."""
     runs: dict[str, list[Run]] = {}
-    async with homed_head(filters=filters) as (sim, head):
+    async with homed_head(friction=friction, backlash_deg=backlash_deg, filters=filters) as (sim, head):
         for name in AXES:
             bench = Bench(sim, head, name)
             runs[name] = []
@@ -104,16 +106,23 @@ def millisecond_registers() -> dict[str, FilterRegisters]:
     return {axis: thesis_registers(joint.plant, MILLISECOND_TIMER) for axis, joint in AXES.items()}
 
 
-async def run_thirty_degrees() -> dict[str, dict[str, float]]:
+async def run_thirty_degrees(
+    *, friction: float = 0.0, backlash_deg: float = 0.0
+) -> dict[str, dict[str, float]]:
     """A 30° saccade of pan, tilt and one eye alone at 2.048 ms, and of the tilt at 1 ms with table 6.3."""
     found: dict[str, dict[str, float]] = {}
-    async with homed_head() as (sim, head):
+    async with homed_head(friction=friction, backlash_deg=backlash_deg) as (sim, head):
         for name in ("left_vergence", "tilt", "pan"):
             await run_saccade(sim, head, {name: math.radians(-15)})
             run = await run_saccade(sim, head, {name: math.radians(15)})
             found[f"{name} at 2.048 ms"] = _saccade_figures(run)
     limits = {"max_speed_deg_s": math.degrees(AXES["tilt"].profile_speed)}
-    async with homed_head(filters=millisecond_registers(), limits={"tilt": limits}) as (sim, head):
+    async with homed_head(
+        friction=friction,
+        backlash_deg=backlash_deg,
+        filters=millisecond_registers(),
+        limits={"tilt": limits},
+    ) as (sim, head):
         await run_saccade(sim, head, {"tilt": math.radians(-15)})
         run = await run_saccade(sim, head, {"tilt": math.radians(15)})
         found["tilt at 1.000 ms"] = _saccade_figures(run)
