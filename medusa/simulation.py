@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from medusa.config import HeadConfig
 from medusa.config_simulated import simulated_config
+from medusa.errors import CommandError
 from medusa.kinematics import HeadGeometry
 
 if TYPE_CHECKING:
@@ -207,7 +208,10 @@ async def simulated_head(
     if world is not None:
         from sim_devices.stereo import StereoWorld
 
-        surroundings = StereoWorld(world, machine.joint_angles, seed=seed or 0)
+        try:
+            surroundings = StereoWorld(world, machine.joint_angles, seed=seed or 0)
+        except ValueError as error:
+            raise CommandError(str(error)) from error
         parts["world"] = surroundings
     async with Bench(parts, seed=seed, baud=baud, faults=faults) as bench:
         yield SimulatedHead(
