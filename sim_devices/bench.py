@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from msgspec.structs import replace
+import msgspec
 
 from sim_devices.link.faults import FaultPlan
 from sim_devices.link.line import Device, Line
@@ -110,7 +110,7 @@ class Bench:
         plan = self._faults if isinstance(self._faults, FaultPlan) else (self._faults or {}).get(line)
         if plan is None or plan.seed is not None:
             return plan
-        return replace(plan, seed=self._seed)
+        return msgspec.structs.replace(plan, seed=self._seed)
 
     def _check_fault_lines(self, lines: set[str]) -> None:
         if isinstance(self._faults, Mapping):
@@ -125,6 +125,7 @@ class Bench:
             "wire.plug": self._plug,
             "wire.hang_up": self._hang_up,
             "wire.stall": self._stall,
+            "wire.faults": self._set_faults,
         }
         for name, part in self.parts.items():
             verbs.update({f"{name}.{verb}": call for verb, call in part.verbs.items()})
@@ -191,6 +192,14 @@ class Bench:
     def _stall(self, line: str, seconds: float) -> None:
         """Let nothing onto a line for a time (s)."""
         self._line(line).stall(_positive("seconds", seconds))
+
+    def _set_faults(self, line: str, **plan: Any) -> None:
+        """Let a wire misbehave by the keys of a faults file, from now on; without any: no more."""
+        try:
+            faults = msgspec.convert({"seed": self._seed, **plan}, FaultPlan) if plan else None
+        except msgspec.ValidationError as error:
+            raise ValueError(str(error)) from None
+        self._line(line).set_faults(faults)
 
 
 def _rearm_all(lines: Sequence[Line]) -> Callable[[], None]:

@@ -68,8 +68,8 @@ class Line:
         """Called after devices took bytes: what they share with other lines may have changed."""
         self._link = link
         self._framed = any(isinstance(device, LinkDevice) for device in devices)
-        wires = [FaultyWire(faults, name, direction) if faults else None for direction in Direction]
-        self._inbound, self._outbound = (Wire(BITS_PER_BYTE / baud, wire) for wire in wires)
+        self._inbound, self._outbound = Wire(BITS_PER_BYTE / baud), Wire(BITS_PER_BYTE / baud)
+        self.set_faults(faults)
         self._port: PtyPort | None = None
         self._reading = False
         self._dues = [inf] * len(self.devices)
@@ -176,6 +176,11 @@ class Line:
         until = self._loop.time() + seconds
         for wire in (self._inbound, self._outbound):
             wire.free = max(wire.free, until)
+
+    def set_faults(self, plan: FaultPlan | None) -> None:
+        """Let the wire misbehave by a plan from the next frame on; None: no more."""
+        for wire, direction in ((self._inbound, Direction.TO_DEVICE), (self._outbound, Direction.TO_HOST)):
+            wire.faults = FaultyWire(plan, self.name, direction) if plan is not None else None
 
     def rearm(self) -> None:
         """Ask the devices anew when they are due: something out of band has happened to them."""

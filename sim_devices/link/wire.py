@@ -8,19 +8,19 @@ from sim_devices.link.faults import Carried, FaultyWire
 class Wire:
     """Frames that wait for the instant at which their last byte has passed, in order."""
 
-    def __init__(self, byte_time: float, faults: FaultyWire | None) -> None:
+    def __init__(self, byte_time: float) -> None:
         self.queue: deque[tuple[float, bytes]] = deque()
         self.waiting_bytes = 0
         self.free = 0.0
+        self.faults: FaultyWire | None = None
         self._byte_time = byte_time
-        self._faults = faults
 
     def put(self, data: bytes, t: float, up_since: float) -> Carried | None:
         """Send data from t on, or from when the wire is free."""
-        if self._faults is None:
+        if self.faults is None:
             self._queue(data, max(t, self.free))
             return None
-        carried = self._faults.carry(data, t - up_since)
+        carried = self.faults.carry(data, t - up_since)
         start = max(t, self.free) + carried.stall_s
         for pause, piece in carried.pieces:
             self._queue(b"" if carried.lost else piece, start + pause, len(piece))

@@ -126,7 +126,7 @@ async def test_a_verb_acts_at_the_present_instant_and_returns_what_it_returns():
 @pytest.mark.parametrize(
     ("verb", "arguments", "said"),
     [
-        ("machine.sing", {}, "no verb 'machine.sing'; there are machine.refuse, machine.say, wire.hang_up"),
+        ("machine.sing", {}, "no verb 'machine.sing'; there are machine.refuse, machine.say, wire.faults"),
         ("__class__", {}, "no verb"),
         ("machine.state", {}, "no verb"),
         ("machine.say", {}, r"machine.say\(text: str, loud: bool = False\): missing a required argument"),
@@ -193,3 +193,23 @@ async def test_a_bench_that_cannot_make_its_links_leaves_nothing_behind(tmp_path
         async with Bench({"machine": Machine()}, links=tmp_path):
             pass
     assert os.listdir(tmp_path) == ["south"]
+
+
+async def test_a_wire_can_be_made_faulty_and_whole_while_it_runs():
+    machine = Machine()
+    async with Bench({"machine": machine}, seed=1) as bench:
+        fd = os.open(bench.ports["north"], os.O_RDWR | os.O_NOCTTY)
+        for text, faults in (
+            (b"a", {"drop": 1.0}),
+            (b"b", {}),
+            (b"c", {"drop": 1.0, "direction": "to_host"}),
+        ):
+            bench.inject("wire.faults", line="north", **faults)
+            os.write(fd, text)
+            await asyncio.sleep(0.1)
+        os.close(fd)
+        with pytest.raises(ValueError, match=r"drop is 2\.0, must be a probability"):
+            bench.inject("wire.faults", line="north", drop=2)
+        with pytest.raises(ValueError, match="unknown field `dorp`"):
+            bench.inject("wire.faults", line="north", dorp=0.1)
+    assert machine.north.heard == b"bc"
