@@ -22,15 +22,13 @@ from medusa.link.frame import (
     encode_frame,
 )
 from medusa.link.messages import BROADCAST, EMERGENCY_STOP, PING, WHOLE_DEVICE
-from medusa.link.port import Port
+from medusa.link.port import Port, retry_pauses
 from medusa.link.session import Session
 from medusa.link.trace import TO_DEVICE, TO_HOST, Trace
 
 log = logging.getLogger(__name__)
 
 EMERGENCY_BROADCASTS: Final = 3
-_FIRST_RETRY_S: Final = 0.1
-_LAST_RETRY_S: Final = 2.0
 
 
 class Line:
@@ -230,10 +228,8 @@ class Line:
         self.recover()
 
     async def _recover(self) -> None:
-        pause = _FIRST_RETRY_S
-        while not self._closing:
+        for pause in retry_pauses():
             await asyncio.sleep(pause)
-            pause = min(2 * pause, _LAST_RETRY_S)
             try:
                 if not self._port.is_open:
                     self._port.open()

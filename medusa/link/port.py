@@ -12,7 +12,7 @@ import os
 import stat
 import termios
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Final
 
@@ -24,6 +24,8 @@ log = logging.getLogger(__name__)
 
 # A read of this size is decoded in well under a millisecond: a flood of garbage cannot hold the event loop.
 _READ_BYTES: Final = 4096
+_FIRST_RETRY_S: Final = 0.1
+_LAST_RETRY_S: Final = 2.0
 
 
 class Port:
@@ -157,6 +159,14 @@ class Port:
         log.warning("%s: hung up (%s)", self.path, reason)
         self.close()
         self._lost(f"the port has vanished ({reason})")
+
+
+def retry_pauses() -> Iterator[float]:
+    """Yield how long to wait before each further try at what was lost: 0.1, 0.2 … 1.6, then 2 s for ever."""
+    pause = _FIRST_RETRY_S
+    while True:
+        yield pause
+        pause = min(2 * pause, _LAST_RETRY_S)
 
 
 def open_serial(path: str, baud: int) -> serial.Serial:

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from medusa.errors import CommandError, MedusaError, NoReply, PortError, ProtocolError
-from medusa.link.port import Port
+from medusa.link.port import Port, retry_pauses
 from medusa.link.trace import TO_DEVICE, TO_HOST, Trace
 from medusa.servo_amp.amplifier import Amplifier, expect_words
 from medusa.servo_amp.frame import (
@@ -36,8 +36,6 @@ NEVER_QUIET_S: Final = 1.0
 MAX_SENDINGS: Final = 3
 _BITS_PER_BYTE: Final = 10
 _REPLY_OVERHEAD: Final = 10
-_FIRST_RETRY_S: Final = 0.1
-_LAST_RETRY_S: Final = 2.0
 _STATUS_TEXT: Final = {INVALID_COMMAND: "invalid command", NO_WRITE_ACCESS: "no write access"}
 
 
@@ -236,13 +234,12 @@ class AmplifierLine:
             self._recovery = asyncio.get_running_loop().create_task(self._recover())
 
     async def _recover(self) -> None:
-        pause = _FIRST_RETRY_S
-        while not self._port.is_open:
+        for pause in retry_pauses():
             await asyncio.sleep(pause)
-            pause = min(2 * pause, _LAST_RETRY_S)
             with suppress(MedusaError):
                 await self.open()
                 log.info("%s: open again", self.path)
+                return
 
     def _record(self, direction: str, data: bytes, meaning: str) -> None:
         log.debug("%s %s %s %s", self.name, direction, data.hex(), meaning)
