@@ -195,7 +195,7 @@ async def measure(
 
 
 async def longest_turn(master: int, path: str) -> float:
-    """Return the longest turn of the loop, in processor seconds, with garbage flooding in and a peer that reads nothing."""
+    """Return the longest turn of the loop in processor seconds: garbage floods in, the peer reads nothing."""
     os.set_blocking(master, False)
     longest, sent, before = 0.0, 0, thread_time()
     async with Line(path, reply_timeout=DEADLINE) as line:
