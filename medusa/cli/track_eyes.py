@@ -64,7 +64,8 @@ async def simulated_eyes(simulated: "SimulatedHead", wish: Mapping[str, Any]) ->
         # The disc is some 0.15 of the picture's width; the background's bright parts are larger or ragged.
         size = min(lens.width, 128)
         area = float(wish["least_area"]) or 0.02 * lens.width**2
-        round_enough = wish["roundness"] or 0.93
+        # A rectangle is 3/π = 0.955 round, an ellipse 1.
+        round_enough = wish["roundness"] or 0.97
         shape = Shape(area * (size / lens.width) ** 2, 0.3 * size**2, round_enough, 0.4)
         detectors = bright_detectors(wish["threshold"], size=size, shape=shape)
     else:

@@ -102,8 +102,15 @@ def draw_sweep(rows: list[dict[str, Any]], controllers: list[str], path: Path) -
             limit = 8.0 * rate
             if chosen and limit < 60.0:
                 each.axvspan(limit, 75.0, color="#f2f3f4", lw=0)
-                each.text(limit * 1.05, 0.03, "not\ncompared", fontsize=8, color="#777777", va="bottom")
+                each.text(
+                    limit * 1.04, 0.025, "not compared", fontsize=8, color="#777777", va="bottom", rotation=90
+                )
             each.set(xscale="log", yscale="log", xlim=(0.8, 75.0), ylim=(0.02, 80.0))
+            each.set_xticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"])
+            each.set_yticks(
+                [0.03, 0.1, 0.3, 1, 3, 10, 30], labels=["0.03", "0.1", "0.3", "1", "3", "10", "30"]
+            )
+            each.minorticks_off()
             each.set_title(f"{wave}, {rate:g} Hz", loc="left", fontsize=10)
             if line:
                 each.set_xlabel("peak speed [°/s]")
