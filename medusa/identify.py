@@ -29,6 +29,9 @@ PROBE_SECONDS = 0.06
 PROBE_DAC = 4
 PROBE_ENOUGH_COUNTS = 60
 STANDING_LOOKS = 8
+LOOK_SECONDS = 0.005
+"""About what a snapshot takes at 115200 baud."""
+GOLDEN = 0.6180339887498949
 REST_SECONDS = 3.0
 STANDING_COUNTS = 1
 ROOM = 2.0
@@ -171,21 +174,27 @@ class _Watcher:
         self._excursion = excursion_counts
         self._start: int | None = None
         self._origin_us: int | None = None
+        self._count = 0
         self._samples: list[tuple[float, int, int]] = []
 
     async def pulse(self, dac: int, seconds: float) -> Pulse:
         """One pulse from rest to rest; the DAC is at zero when it ends, however it ends."""
         loop = asyncio.get_running_loop()
         self._samples = []
+        # Each pulse is looked at in a phase of its own, or all would show the same rounding of the counts.
+        self._count += 1
+        phase = LOOK_SECONDS * (self._count * GOLDEN % 1.0)
         for _ in range(3):
             await self._look()
         try:
             await self._drive(dac)
             end = loop.time() + seconds
+            await asyncio.sleep(phase)
             while loop.time() < end:
                 await self._look()
         finally:
             await asyncio.shield(asyncio.ensure_future(self._drive(0)))
+        await asyncio.sleep(phase)
         await self._coast()
         time, counts, shown = zip(*self._samples, strict=True)
         return Pulse(dac, np.array(time), np.array(counts, dtype=np.float64), np.array(shown, dtype=np.int64))

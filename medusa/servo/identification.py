@@ -44,6 +44,13 @@ class Pulse:
             raise ValueError("time, counts and shown_dac of a pulse must be of one length")
 
     @property
+    def weights(self) -> Floats:
+        """Weight of each sample: those of one standstill show one and the same rounding, and count as one."""
+        edges = np.flatnonzero(np.diff(self.counts) != 0) + 1
+        lengths = np.diff(np.concatenate(([0], edges, [len(self.counts)])))
+        return np.repeat(1 / np.sqrt(lengths), lengths)
+
+    @property
     def on_bracket(self) -> tuple[float, float]:
         """(latest sample before, earliest sample with) the pulse."""
         first = int(np.argmax(self.shown_dac == self.dac))
@@ -137,9 +144,9 @@ def estimate_plant(pulses: Sequence[Pulse]) -> Identification:
         velocity_gain_error=float(2 * math.sqrt(mean_gain_variance)),
         forward=_floats(forward),
         backward=_floats(backward),
-        residual_counts=float(np.sqrt(np.mean(residuals**2))),
+        residual_counts=float(np.sqrt(residuals @ residuals / problem.looks)),
         pulses=len(pulses),
-        samples=len(residuals),
+        samples=round(problem.looks),
     )
 
 
@@ -157,6 +164,9 @@ class _Problem:
 
     def __init__(self, pulses: Sequence[Pulse]) -> None:
         self.pulses = pulses
+        self.weights = [pulse.weights for pulse in pulses]
+        self.looks = float(sum((weights**2).sum() for weights in self.weights))
+        """How many independent samples there are."""
         start, lower, upper = [0.015], [5e-4], [0.5]
         for sign in (1, -1):
             gain = _rough_gain([p for p in pulses if p.dac * sign > 0])
@@ -178,12 +188,13 @@ class _Problem:
         self.start, self.lower, self.upper = (np.asarray(x, dtype=np.float64) for x in (start, lower, upper))
 
     def residuals(self, theta: Floats) -> Floats:
+        """Weighted, counts. Shape (samples,)."""
         parts = []
         for i, pulse in enumerate(self.pulses):
             on, off, origin = theta[5 + 3 * i : 8 + 3 * i]
             way = 0 if pulse.dac > 0 else 1
             gone = pulse_position(pulse.time, pulse.dac, theta[0], theta[1 + way], theta[3 + way], on, off)
-            parts.append(pulse.counts + 0.5 - origin - gone)
+            parts.append(self.weights[i] * (pulse.counts + 0.5 - origin - gone))
         return np.concatenate(parts)
 
     def jacobian(self, theta: Floats) -> Floats:
@@ -232,7 +243,7 @@ class _Problem:
         """σ² (JᵀJ)⁻¹ over the unknowns that are not held at a bound, σ² at least the encoder's."""
         free = (theta > self.lower) & (theta < self.upper)
         jacobian = self.jacobian(theta)[:, free]
-        spare = max(len(residuals) - int(free.sum()), 1)
+        spare = max(self.looks - int(free.sum()), 1.0)
         variance = max(float(residuals @ residuals) / spare, COUNT_VARIANCE)
         covariance = np.zeros((len(theta), len(theta)))
         covariance[np.ix_(free, free)] = variance * np.linalg.pinv(jacobian.T @ jacobian)
