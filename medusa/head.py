@@ -114,7 +114,8 @@ class Head:
                 await complete(self._close())
             except MedusaError as error:
                 log.error("%s", error)
-                ended.add_note(f"the head could not be confirmed at rest: {error}")
+                if str(error) not in str(ended):
+                    ended.add_note(f"the head could not be confirmed at rest: {error}")
             raise
         else:
             await complete(self._close())

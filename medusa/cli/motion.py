@@ -14,8 +14,10 @@ AXES = "pan, tilt, left_vergence, right_vergence"
 
 
 def register(app: typer.Typer) -> None:
-    for command in (check, home, move, jog, stop, estop, clear, park):
+    for command in (check, home, move, stop, estop, clear, park):
         app.command()(command)
+    # Else a negative speed would be taken for an option.
+    app.command(context_settings={"ignore_unknown_options": True})(jog)
 
 
 def check(context: typer.Context, axis: str = typer.Argument(..., help=f"One of {AXES}.")) -> None:
@@ -88,7 +90,7 @@ def move(
         options.fail("nowhere to move: give --pan, --tilt, --left or --right", 2)
 
     async def body() -> None:
-        async with options.head(homed=True) as (head, _):
+        async with options.head(homed=True, joints=targets) as (head, _):
             report = await head.move({name: math.radians(angle) for name, angle in targets.items()})
         rows = [
             {
@@ -117,7 +119,7 @@ def jog(
     options: Options = context.obj
 
     async def body() -> None:
-        async with options.head(homed=True) as (head, _):
+        async with options.head(homed=True, joints=[axis]) as (head, _):
             _known(head, axis)
             faults: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
             end = head.faults.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))

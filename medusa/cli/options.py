@@ -6,7 +6,7 @@ import json as json_module
 import logging
 import signal
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,12 +138,17 @@ class Options:
 
     @asynccontextmanager
     async def head(
-        self, *, homed: bool = False, enable: bool = False, world: Any = None
+        self,
+        *,
+        homed: bool = False,
+        joints: Collection[str] | None = None,
+        enable: bool = False,
+        world: Any = None,
     ) -> AsyncIterator["tuple[Head, SimulatedHead | None]"]:
         """The head, emulated or real, connected and at rest; enabled, or homed, when the command needs that.
 
-        An emulated head has just been switched on: it is homed first, and that is said. A real one is never
-        homed behind one's back. Raises CommandError then.
+        `joints`: those that the command moves (default: all). An emulated head has just been switched on: it is
+        homed first, and that is said. A real one is never homed behind one's back. Raises CommandError then.
         """
         from medusa.errors import CommandError
         from medusa.head import Head
@@ -169,10 +174,11 @@ class Options:
                 self.say("simulated head, just switched on: homing it first")
                 await head.home()
             elif homed:
-                away = [name for name, axis in head.axes.items() if not axis.homed]
+                needed = head.axes if joints is None else joints
+                away = [name for name, axis in head.axes.items() if name in needed and not axis.homed]
                 if away:
                     raise CommandError(f"{', '.join(away)}: not homed; run `medusa-ctl home` first")
-                await head.enable()
+                await head.enable(needed)
             elif enable:
                 await head.enable()
             yield head, simulated

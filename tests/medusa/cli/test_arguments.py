@@ -33,6 +33,7 @@ Ctl = Callable[..., Any]
         (["--sim", "jog", "nose", "3"], 2, r"no joint 'nose'; the head has pan, tilt"),
         (["--sim", "home", "nose"], 2, r"no joint 'nose'"),
         (["--sim", "check", "nose"], 2, r"no joint 'nose'"),
+        (["--sim", "jog", "pan", "--frob"], 2, r"'SPEED'|'speed'|--frob"),
         (["--sim", "--seed", "-1", "status"], 2, r"'--seed'"),
         (["--sim", "--boards", "/dev/ttyUSB0", "status"], 2, r"leave --boards and --amps out"),
         (["--sim", "--trace", "/no/such/place", "status"], 4, r"/no/such/place: No such file"),
