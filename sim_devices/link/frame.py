@@ -3,11 +3,13 @@
 import binascii
 from collections.abc import Iterator
 from enum import IntEnum
+from functools import lru_cache
 from typing import NamedTuple
 
 DELIMITER = 0
 LONGEST_MESSAGE = 68
 LONGEST_FRAME = 72
+_CODES = [bytes((length + 1,)) for length in range(254)]
 _HEADER = 4
 _CRC = 2
 
@@ -49,7 +51,7 @@ def encode_cobs(data: bytes) -> bytes:
     """Stuff at most 253 bytes: every run up to a zero is led by its length + 1, and no zero remains."""
     if len(data) > 253:
         raise ValueError(f"{len(data)} bytes, at most 253 fit one COBS run")
-    return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
+    return b"".join([_CODES[len(run)] + run for run in data.split(b"\0")])
 
 
 def decode_cobs(data: bytes) -> bytes | None:
@@ -75,6 +77,8 @@ def encode_frame(
     return encode_cobs(message + crc16(message).to_bytes(2, "big")) + b"\0"
 
 
+# Every device of a line decodes the same frame.
+@lru_cache(maxsize=16)
 def decode_frame(frame: bytes) -> Message | FrameFault:
     """Decode what stood before a 00 (not empty)."""
     if len(frame) >= LONGEST_FRAME:
