@@ -89,7 +89,9 @@ class Scene:
     contrast: float = 35.0
     shade: Callable[[Array], Array] | None = None
 
-    def render(self, camera: Intrinsics, size: tuple[int, int], pose: Array, samples: int = 2) -> tuple[Array, Array]:
+    def render(
+        self, camera: Intrinsics, size: tuple[int, int], pose: Array, samples: int = 2
+    ) -> tuple[Array, Array]:
         """Grey levels (not yet whole numbers) and inverse depth seen from a 4×4 camera-to-world pose.
 
         size is (width, height); each pixel is the mean of samples² rays.
@@ -139,7 +141,9 @@ def place(x: float, y: float, z: float, pitch: float = 0.0, yaw: float = 0.0) ->
     """A camera-to-world pose: position in metres, pitch about x and yaw about y in radians."""
     cp, sp, cy, sy = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
     pose = np.eye(4)
-    pose[:3, :3] = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    pose[:3, :3] = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array(
+        [[1, 0, 0], [0, cp, -sp], [0, sp, cp]]
+    )
     pose[:3, 3] = x, y, z
     return pose
 
@@ -195,7 +199,11 @@ def table_top(
         Plane((0, 0, 2.4), right, down),
         Plane((0, 0.42, 1.6), right, away),
     ]
-    for x, z, width, height, depth in ((-0.35, 1.25, 0.28, 0.34, 0.2), (0.2, 1.5, 0.3, 0.5, 0.2), (0.42, 1.1, 0.2, 0.2, 0.2)):
+    for x, z, width, height, depth in (
+        (-0.35, 1.25, 0.28, 0.34, 0.2),
+        (0.2, 1.5, 0.3, 0.5, 0.2),
+        (0.42, 1.1, 0.2, 0.2, 0.2),
+    ):
         top = 0.42 - height
         surfaces += [
             Plane((x, top + height / 2, z), right, down, (width / 2, height / 2)),
@@ -210,7 +218,11 @@ def table_top(
 
 
 def sea_bed(
-    frames: int = 8, noise: float = 2.0, size: tuple[int, int] = (256, 192), seed: int = 3, contrast: float = 9.0
+    frames: int = 8,
+    noise: float = 2.0,
+    size: tuple[int, int] = (256, 192),
+    seed: int = 3,
+    contrast: float = 9.0,
 ) -> Sequence:
     """A rolling sea bed before a camera that sinks at 1 m/s, a picture every 0.4 s, in poor and changing light."""
     focal = size[0] * 1.0

@@ -63,7 +63,15 @@ class Epipolar:
             behind = np.where(scale > 1e-3, np.float32(1) / scale, np.float32(np.nan))
         x = (first + rho * shift_x) * behind
         y = (second + rho * shift_y) * behind
-        return Projection(x, y, scale, (shift_x - x * shift_z) * behind, (shift_y - y * shift_z) * behind, float(shift_z))
+        return Projection(
+            x, y, scale, (shift_x - x * shift_z) * behind, (shift_y - y * shift_z) * behind, float(shift_z)
+        )
+
+    def in_view(self, projection: Projection) -> NDArray[np.bool_]:
+        """Which pixels fall on the other picture."""
+        height, width = self.shape
+        x, y = projection.x, projection.y
+        return np.asarray((x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5))
 
     def homography(self, inverse_depth: float) -> Matrix:
         """Base pixels to pixels of the other view for the plane Z = 1/ρ: K (R + ρ t e₃ᵀ) K⁻¹."""

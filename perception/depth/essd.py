@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.contrast import window_mean
 from perception.depth.epipolar import Projection
 from perception.depth.parabola import Quadric, fit_quadric
 
@@ -32,6 +31,16 @@ class Equalisation(Enum):
 
 TEXTURE_GATE = 0.01
 """Least ratio of standard deviation to mean for (2.8) to be used, thesis section 2.9.1."""
+
+
+def window_mean(image: Field, radius: int) -> Field:
+    h = radius // 2 + (radius & 1)
+    a, b = 2 * h + 1, 2 * (radius - h) + 1
+    import os
+
+    if os.environ.get("GA"):
+        return cv2.GaussianBlur(image, (0, 0), float(os.environ["GA"]))
+    return cv2.blur(cv2.blur(image, (a, a)), (b, b))
 
 
 class BaseWindow:

@@ -83,6 +83,7 @@ class DepthFromMotion:
             self._state = InverseDepth(
                 np.full(self._kept.shape, value, np.float32),
                 np.full(self._kept.shape, (value * settings.start_std) ** 2, np.float32),
+                np.ones(self._kept.shape, np.float32),
             )
         return DepthMap(self._state, False, 0.0)
 
@@ -102,7 +103,12 @@ class DepthFromMotion:
         self._check(image, grey)
         shape = (grey.shape[0], grey.shape[1])
         if self.anchored:
-            predicted, base, other, geometry = self._state, self._kept, grey, Epipolar(self.camera, motion, shape)
+            predicted, base, other, geometry = (
+                self._state,
+                self._kept,
+                grey,
+                Epipolar(self.camera, motion, shape),
+            )
         else:
             predicted = self._predict(motion, shape)
             base, other, geometry = grey, self._kept, Epipolar(self.camera, motion.inverse(), shape)
@@ -113,11 +119,17 @@ class DepthFromMotion:
             return DepthMap(predicted, False, 0.0)
         lowest, highest = search_range(base, other, geometry, predicted, self.settings)
         match = self._match(base, other, geometry, lowest, highest, predicted)
-        self._state = fuse(predicted, match.measured, match.sure, self.settings.gate)
+        self._state = fuse(predicted, match.measured, match.sure, self.settings.gate, match.reach)
         return DepthMap(self._state, True, float(match.sure.mean()), lowest, highest)
 
     def _match(
-        self, base: Field, other: Field, geometry: Epipolar, lowest: float, highest: float, predicted: InverseDepth
+        self,
+        base: Field,
+        other: Field,
+        geometry: Epipolar,
+        lowest: float,
+        highest: float,
+        predicted: InverseDepth,
     ) -> Match:
         return match_pair(base, other, geometry, lowest, highest, predicted, self.settings)
 
@@ -137,4 +149,6 @@ class DepthFromMotion:
             )
         if (image.ndim == 3) != self._colour:
             kinds = ("grey", "colour")
-            raise ImageError(f"a {kinds[image.ndim == 3]} picture after a {kinds[self._colour]} one: all must be alike")
+            raise ImageError(
+                f"a {kinds[image.ndim == 3]} picture after a {kinds[self._colour]} one: all must be alike"
+            )

@@ -12,22 +12,28 @@ from numpy.typing import NDArray
 from perception.depth.epipolar import Projection
 
 Field = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class InverseDepth:
-    """ρ in 1/m and its variance P in 1/m²; NaN where nothing is known; height × width."""
+    """ρ in 1/m and its variance P in 1/m², NaN where nothing is known; height × width.
+
+    `cost` is the matching cost, 0 to 1, at which the depth was last confirmed; 1 marks a guess, filled in from
+    its surroundings.
+    """
 
     value: Field
     variance: Field
+    cost: Field
 
     @property
     def depth(self) -> Field:
         """Z = 1/ρ in metres; infinite at ρ = 0, NaN where unknown."""
         with np.errstate(divide="ignore"):
-            return np.where(self.value > 0, 1 / self.value, np.where(np.isnan(self.value), np.nan, np.inf)).astype(
-                np.float32
-            )
+            return np.where(
+                self.value > 0, 1 / self.value, np.where(np.isnan(self.value), np.nan, np.inf)
+            ).astype(np.float32)
 
     @property
     def depth_std(self) -> Field:
@@ -39,7 +45,7 @@ class InverseDepth:
     def unknown(cls, shape: tuple[int, int]) -> "InverseDepth":
         """Nothing known anywhere."""
         void = np.full(shape, np.nan, np.float32)
-        return cls(void, void.copy())
+        return cls(void, void.copy(), np.ones(shape, np.float32))
 
 
 def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) -> InverseDepth:
@@ -52,28 +58,35 @@ def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) 
     moved_value = state.value / scale
     derivative = (scale - moved.shift_z * state.value) / (scale * scale)
     variance = state.variance * derivative * derivative + np.float32(drift**2) * moved_value * moved_value
-    return InverseDepth(moved_value, variance)
+    return InverseDepth(moved_value, variance, state.cost)
 
 
-def fuse(predicted: InverseDepth, measured: InverseDepth, sure: NDArray[np.bool_], gate: float = 3.0) -> InverseDepth:
+def fuse(
+    predicted: InverseDepth, measured: InverseDepth, sure: Mask, gate: float, reach: Field
+) -> InverseDepth:
     """Combine prediction and measurement: 1/P⁺ = 1/P⁻ + 1/R, ρ⁺ = P⁺ (ρ⁻/P⁻ + ρ_m/R), (2.26)–(2.28).
 
-    Where only one is known it is taken. Where they differ by more than `gate` standard deviations they
-    are two surfaces and are not averaged: a measurement confirmed both ways (`sure`) replaces the
-    prediction, any other gives way to it.
+    A measurement that was confirmed both ways (`sure`) is averaged with the prediction when they agree within
+    `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One that was not confirmed
+    only stands where nothing is known or only a worse guess.
     """
-    has_prediction = np.isfinite(predicted.value)
-    has_measurement = np.isfinite(measured.value)
-    both = has_prediction & has_measurement
-    gap = np.where(both, measured.value - predicted.value, np.float32(0))
-    combined = predicted.variance + measured.variance
+    known = np.isfinite(predicted.value)
+    guess = known & (predicted.cost >= 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        gain = np.where(both, predicted.variance / combined, np.where(has_measurement, np.float32(1), np.float32(0)))
-        conflict = both & (gap * gap > np.float32(gate**2) * combined)
-    gain = np.where(conflict, sure.astype(np.float32), gain)
-    start = np.where(has_prediction, predicted.value, measured.value)
-    value = start + gain * gap
-    variance = np.where(has_prediction, predicted.variance, measured.variance)
-    variance = np.where(both & ~conflict, (1 - gain) * variance, variance)
-    variance = np.where(conflict & sure, measured.variance, variance)
-    return InverseDepth(value.astype(np.float32), variance.astype(np.float32))
+        gap = measured.value - predicted.value
+        combined = predicted.variance + measured.variance
+        agree = known & (gap * gap <= np.minimum(np.float32(gate**2) * combined, reach * reach))
+        gain = predicted.variance / combined
+        better = ~known | (guess & (measured.variance < predicted.variance))
+    average = sure & agree & ~guess
+    replace = np.isfinite(measured.value) & ((sure & ~average) | (~sure & better))
+    value = np.where(
+        average, predicted.value + gain * gap, np.where(replace, measured.value, predicted.value)
+    )
+    variance = np.where(
+        average, gain * measured.variance, np.where(replace, measured.variance, predicted.variance)
+    )
+    cost = np.where(
+        average, np.minimum(predicted.cost, measured.cost), np.where(replace, measured.cost, predicted.cost)
+    )
+    return InverseDepth(value.astype(np.float32), variance.astype(np.float32), cost.astype(np.float32))

@@ -14,30 +14,36 @@ from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.scanline import aggregate, choose, jump_costs
 from perception.depth.settings import Settings
-from perception.depth.sweep import WORST, add_prediction, sweep_planes
+from perception.depth.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.voids import fill_voids
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
+LINE_SHARP_PX = 0.2
+"""Matches at least this sharp across their line tell how wrong the motion is."""
+
+
 @dataclass(frozen=True)
 class Match:
-    """What one pair says: inverse depth with variance, which pixels were confirmed both ways, which were in view."""
+    """What one pair says: inverse depth with variance, which pixels were confirmed both ways, and from
+    how far off (1/m) it may still be the surface that was predicted."""
 
     measured: InverseDepth
     sure: Mask
-    in_view: Mask
+    reach: Field
 
 
 @dataclass(frozen=True)
-class Coarse:
-    """The choice of the sweep: inverse depth, confirmed, in view, and the distance of its planes in 1/m."""
+class Choice:
+    """The choice of the sweep: inverse depth, its cost in this pair (0 to 1), confirmed, hidden, and the distance of its planes in 1/m."""
 
     inverse_depth: Field
+    cost: Field
     sure: Mask
-    in_view: Mask
-    spacing: float
+    hidden: Mask
+    spacing: np.float32
 
 
 def sweep(
@@ -48,32 +54,61 @@ def sweep(
     highest: float,
     predicted: InverseDepth,
     settings: Settings,
-) -> Coarse:
+) -> Choice:
     """Choose among planes between two inverse depths, with the weak string and the forward–backward check."""
     noise = max(estimate_noise(base), estimate_noise(other))
     calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
     planes = geometry.planes(lowest, highest)
     costs = sweep_planes(
-        equalised_slopes(calm, noise), equalised_slopes(calm_other, noise), geometry, planes, settings.sweep_radius
+        equalised_slopes(calm, noise),
+        equalised_slopes(calm_other, noise),
+        geometry,
+        planes,
+        settings.sweep_radius,
     )
     if np.isfinite(predicted.value).any():
-        add_prediction(
-            costs, planes, predicted.value, predicted.variance, settings.prediction_weight, settings.prediction_limit
-        )
+        alone = costs.copy()
+        admit_prediction(costs, planes, predicted, settings.stiffness)
+    else:
+        alone = costs
     contrast = max(0.7 * float(np.sqrt(np.mean(np.square(np.diff(calm, axis=1))))), 2 * noise)
     bend = int(settings.bend * WORST)
     jumps = jump_costs(calm, int(settings.jump * WORST), bend + bend // 5, contrast)
     total = aggregate(costs, bend, jumps)
     plane, place = choose(total)
-    spacing = float(planes[1] - planes[0])
-    inverse_depth = (np.float32(planes[0]) + place * np.float32(spacing)).astype(np.float32)
-    sure, in_view = agree(plane, backward_planes(total, geometry, planes), geometry.project(inverse_depth))
-    return Coarse(inverse_depth, sure, in_view, spacing)
+    spacing = np.float32(planes[1] - planes[0])
+    inverse_depth = (np.float32(planes[0]) + place * spacing).astype(np.float32)
+    sure, _ = agree(plane, backward_planes(total, geometry, planes), geometry.project(inverse_depth))
+    reachable = np.ones(base.shape, bool)
+    for end in (planes[0], planes[-1]):
+        reachable &= geometry.in_view(geometry.project(float(end)))
+    cost = np.take_along_axis(alone, plane[:, None, :], axis=1)[:, 0].astype(np.float32) / WORST
+    return Choice(inverse_depth, cost, sure, ~sure & reachable, spacing)
+
+
+def flatten_steps(disparity: Field, radius: int = 4, step: float = 0.5) -> Field:
+    """Smooth the steps between planes and leave the jumps between surfaces.
+
+    Over the window the mean replaces the value as far as the window's variance is below that of a `step`;
+    both are averaged over all windows that hold the pixel (He's guided filter with itself as guide).
+    """
+    side = (2 * radius + 1, 2 * radius + 1)
+    mean = cv2.blur(disparity, side)
+    variance = np.maximum(cv2.blur(disparity * disparity, side) - mean * mean, 0)
+    power = variance * variance
+    keep = power / (power + np.float32(step**4))
+    return np.asarray(cv2.blur(keep, side) * disparity + cv2.blur((1 - keep) * mean, side), np.float32)
+
+
+def jump_height(disparity: Field, radius: int) -> Field:
+    """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
+    window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+    return np.maximum(cv2.dilate(disparity, window) - cv2.erode(disparity, window) - 1, 0).astype(np.float32)
 
 
 def refine(
     base: Field, other: Field, geometry: Epipolar, inverse_depth: Field, settings: Settings, noise: float
-) -> tuple[InverseDepth, Field]:
+) -> tuple[Field, Field, Field, Field]:
     """Measure what is left of the disparity on the error surface (2.8) and turn it into inverse depth.
 
     The measurement d = (û, v̂) has the covariance Q of the error surface, to which the soft epipolar term
@@ -81,17 +116,18 @@ def refine(
     the variance 1/cᵀQ⁻¹c: an edge along the motion has no say.
 
     Returns:
-        The measurement and |C|, the pixels a unit of inverse depth is worth.
+        The measurement and its variance, NaN where the error surface has no minimum; |C|, the pixels a unit of
+        inverse depth is worth; and the variance of the inverse depth that the motion's error makes.
     """
     window = BaseWindow(base, settings.window_radius, settings.equalisation)
     projection = geometry.project(inverse_depth)
     _, _, worth = epipolar_axes(projection)
     surface = sample_surface(window, other, projection, settings.surface_step)
-    pixels = window.pixels
-    power = np.maximum(surface.least / (pixels - 1), np.float32(2 * noise**2))
+    power = np.maximum(surface.least / (window.pixels - 1), np.float32(2 * noise**2))
     uu, uv, vv = surface.covariance(power * np.float32(settings.noise_factor**2))
-    uu = uu + np.float32(settings.bias_px**2)
-    vv = vv + np.float32(settings.bias_px**2 + settings.epipolar_std_px**2)
+    off_line = np.float32(line_error(surface.v, vv) ** 2)
+    uu = uu + np.float32(settings.bias_px**2) + off_line
+    vv = vv + (np.float32(settings.bias_px**2 + settings.epipolar_std_px**2) + off_line)
     with np.errstate(divide="ignore", invalid="ignore"):
         # (Q⁻¹ c)/(cᵀ Q⁻¹ c) = (1, −uv/vv)/|C|
         shift = surface.u - uv / vv * surface.v
@@ -99,7 +135,21 @@ def refine(
         found = (np.abs(shift) <= 1.5) & (np.abs(surface.v) <= 1.5) & np.isfinite(variance) & (worth > 1e-6)
         value = inverse_depth + shift / worth
     void = np.float32(np.nan)
-    return InverseDepth(np.where(found, value, void), np.where(found, variance, void)), worth
+    drift = off_line / np.square(np.maximum(worth, np.float32(1e-6)))
+    return np.where(found, value, void), np.where(found, variance, void), worth, drift
+
+
+def line_error(across: Field, variance: Field) -> float:
+    """How far the matches lie off their epipolar lines beyond their own deviation: the error of the motion, px.
+
+    What the motion's error does across the lines it does along them too, where nothing shows it; so it is
+    added to the uncertainty of every match. A short baseline is then believed less than a long one.
+    """
+    sharp = (variance < LINE_SHARP_PX**2) & np.isfinite(across)
+    if np.count_nonzero(sharp) < 100:
+        return 0.0
+    stray = 1.4826 * float(np.median(np.abs(across[sharp])))
+    return float(np.sqrt(max(stray**2 - float(np.median(variance[sharp])), 0.0)))
 
 
 def match_pair(
@@ -119,24 +169,35 @@ def match_pair(
         lowest, highest: inverse depths between which to search.
         predicted: what is expected of the base view; NaN where nothing is.
     """
-    coarse = sweep(base, other, geometry, lowest, highest, predicted, settings)
     noise = max(estimate_noise(base), estimate_noise(other))
-    kept = np.where(coarse.sure, coarse.inverse_depth, np.float32(np.nan))
-    filled, spread = fill_voids(kept)
-    spacing = np.float32(coarse.spacing)
-    guide = cv2.GaussianBlur(base, (0, 0), 0.7)
+    choice = sweep(base, other, geometry, lowest, highest, predicted, settings)
+    kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
+    disparity, spread, reach = fill_voids(kept, choice.hidden)
+    flat = flatten_steps(disparity)
+    fine, fine_variance, worth, drift = refine(base, other, geometry, flat * choice.spacing, settings, noise)
+
+    drift = drift / choice.spacing**2
+    blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+    jump = jump_height(disparity, settings.window_radius)
+    refined = choice.sure & np.isfinite(fine) & (jump < 0.5)
+    value = np.where(refined, fine / choice.spacing, disparity)
+    variance = np.where(refined, fine_variance / choice.spacing**2, blunt)
+    variance += np.where(refined, np.float32(0), np.square(settings.jump_part * jump))
+    variance += np.square(settings.void_part * spread) + np.square(np.float32(0.1) * reach)
+
+    guide = np.asarray(cv2.GaussianBlur(base, (0, 0), 0.7), np.float32)
     contrast = max(float(np.sqrt(np.mean(np.square(np.diff(guide, axis=1))))), noise)
-    springs = Springs.cut_at_edges(np.asarray(guide, np.float32), contrast, filled / spacing, 1.5)
-    smooth, _ = relax_membrane(
-        filled / spacing, np.full_like(filled, 0.3), springs, 1.0, settings.membrane_iterations, filled / spacing
+    springs = Springs.cut_at_edges(guide, contrast, disparity, settings.tear_px)
+    regular, _ = relax_membrane(
+        value, variance, springs, settings.strength, settings.membrane_iterations, value
     )
-    start = smooth * spacing
-    fine, _ = refine(base, other, geometry, start, settings, noise)
-    measured = np.isfinite(fine.value) & coarse.sure
-    value = np.where(measured, fine.value, start) / spacing
-    guess = np.square(spread / spacing * 0.5) + np.float32(0.5)
-    variance = np.where(measured, fine.variance / spacing**2, guess)
-    regular, _ = relax_membrane(value, variance, springs, settings.strength * 4, settings.membrane_iterations, value)
+    reach = choice.spacing * np.sqrt(np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift)
     return Match(
-        InverseDepth(np.maximum(regular, 0) * spacing, variance * spacing**2), measured, coarse.in_view
+        InverseDepth(
+            np.maximum(regular, 0) * choice.spacing,
+            (variance * choice.spacing**2).astype(np.float32),
+            np.where(choice.sure, np.minimum(choice.cost, np.float32(0.99)), np.float32(1)),
+        ),
+        choice.sure,
+        reach.astype(np.float32),
     )

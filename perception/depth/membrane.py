@@ -71,7 +71,9 @@ def relax_membrane(
     """
     known = np.isfinite(measured)
     data = np.where(known, measured, np.float32(0))
-    weight = np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0).astype(np.float32)
+    weight = np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0).astype(
+        np.float32
+    )
     if start is None:
         middle = np.float32(np.median(measured[known])) if known.any() else np.float32(0)
         start = np.where(known, measured, middle)

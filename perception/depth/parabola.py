@@ -51,8 +51,9 @@ class Quadric:
         determinant = self.uu * self.vv - self.uv * self.uv
         good = (determinant > 0) & (self.uu > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.where(good, 2 * noise_power / determinant, np.float32(np.inf))
-        return self.vv * gain, np.where(good, -self.uv * gain, 0), self.uu * gain
+            gain = np.where(good, 2 * noise_power / determinant, np.float32(0))
+        far = np.float32(np.inf)
+        return np.where(good, self.vv * gain, far), -self.uv * gain, np.where(good, self.uu * gain, far)
 
 
 def fit_quadric(q: dict[tuple[int, int], Field], step: float) -> Quadric:

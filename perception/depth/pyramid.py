@@ -14,7 +14,9 @@ def build_pyramid(grey: Field, levels: int) -> list[Field]:
         height, width = pyramid[-1].shape
         blurred = cv2.GaussianBlur(pyramid[-1], (0, 0), 1.0)
         pyramid.append(
-            np.asarray(cv2.resize(blurred, (width // 2, height // 2), interpolation=cv2.INTER_LINEAR), np.float32)
+            np.asarray(
+                cv2.resize(blurred, (width // 2, height // 2), interpolation=cv2.INTER_LINEAR), np.float32
+            )
         )
     return pyramid
 

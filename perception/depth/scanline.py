@@ -83,5 +83,7 @@ def choose(total: Volume) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         for offset in (-1, 0, 1)
     )
     curvature = below - 2 * here + above
-    offset = np.where((plane == middle) & (curvature > 0), 0.5 * (below - above) / np.maximum(curvature, 1), 0)
+    offset = np.where(
+        (plane == middle) & (curvature > 0), 0.5 * (below - above) / np.maximum(curvature, 1), 0
+    )
     return plane, (plane + np.clip(offset, -0.5, 0.5)).astype(np.float32)

@@ -25,10 +25,9 @@ class Settings:
     bend: float = 0.3
     jump: float = 1.5
     """Cost of a bend and of a jump of the weak string, as parts of the greatest matching cost."""
-    prediction_weight: float = 8.0
-    prediction_limit: float = 9.0
-    """The pull of the predicted depth on the search: weight·min(χ²/2, limit)."""
-    window_radius: int = 3
+    stiffness: float = 0.1
+    """How fast the predicted depth loses its hold on the search away from it, a part of the greatest cost per χ²."""
+    window_radius: int = 4
     """Half the window of the error surface; 7×7 as in the thesis."""
     surface_step: float = 0.6
     """Distance in pixels of the samples of the error surface."""
@@ -37,17 +36,27 @@ class Settings:
     """How far a match may lie off its epipolar line: the soft epipolar term as a standard deviation."""
     epipolar_weight: float = 5.0
     """λ_ep of (2.7), (2.8), in squared grey levels per px²; for the literal match."""
-    strength: float = 1.0
+    unrefined_px: float = 0.5
+    """Deviation of a confirmed match whose error surface shows no minimum."""
+    jump_part: float = 0.2
+    """Deviation beside a jump of the disparity, as a part of the jump."""
+    void_part: float = 0.5
+    """Deviation of a filled void, as a part of the spread of what stands around it."""
+    tear_px: float = 0.8
+    """Jump of the disparity that halves the membrane's spring."""
+    strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 12
-    bias_px: float = 0.05
+    bias_px: float = 0.03
     """What interpolation and the shape of the window leave as error of a match whatever the noise."""
-    noise_factor: float = 1.0
+    noise_factor: float = 1.3
     """By how much the deviation of a match exceeds what (2.11) says."""
     drift: float = 0.005
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
     gate: float = 3.0
     """Standard deviations beyond which a prediction and a measurement are two surfaces."""
+    reach_px: float = 1.0
+    """… and pixels of disparity beyond which they are, however uncertain."""
     start_depth: float | None = None
     """Depth assumed of every pixel before the first pair, m; None assumes nothing."""
     start_std: float = 0.5

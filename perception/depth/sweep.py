@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.epipolar import Epipolar
+from perception.depth.inverse_depth import InverseDepth
 
 Bytes = NDArray[np.uint8]
 Volume = NDArray[np.int16]
@@ -42,7 +43,8 @@ def sweep_planes(
             geometry.homography(float(inverse_depth)),
             (width, height),
             flags=WARP,
-            borderMode=cv2.BORDER_REPLICATE,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(127, 127),
         )
         difference = cv2.blur(cv2.absdiff(base, warped), side)
         pair = difference.view(np.uint16)[..., 0]
@@ -50,24 +52,24 @@ def sweep_planes(
     return costs
 
 
-def add_prediction(
-    costs: Volume,
-    planes: NDArray[np.float64],
-    inverse_depth: NDArray[np.float32],
-    variance: NDArray[np.float32],
-    weight: float,
-    limit: float,
+def admit_prediction(
+    costs: Volume, planes: NDArray[np.float64], predicted: InverseDepth, stiffness: float
 ) -> None:
-    """Bound the search by the predicted depth: add weight·min((ρ_k − ρ̂)²/2P, limit) to the costs, in place.
+    """Let the predicted depth stand for the pictures no longer kept: costs ← min(costs, c + stiffness·χ²), in place.
 
-    Where nothing was predicted (NaN) nothing is added. P is never taken below half a plane's distance.
+    c is what the prediction cost when it was last confirmed and χ² = (ρ_k − ρ̂)²/P, P at least a
+    quarter of a squared plane distance. So a point hidden from the other picture keeps the depth it had, and
+    one that the other picture shows better takes a new one. A guess (cost 1) or a void (NaN) admits nothing.
     """
     spacing = float(planes[1] - planes[0])
-    known = np.isfinite(inverse_depth)
-    place = np.where(known, (inverse_depth - planes[0]) / spacing, 0).astype(np.float32)
-    spread = variance / np.float32(spacing**2) + np.float32(0.25)
-    slope = np.where(known, np.sqrt(np.float32(0.5 * weight) / spread), 0).astype(np.float32)
-    ceiling = np.float32(weight * limit)
+    known = np.isfinite(predicted.value) & (predicted.cost < 1)
+    place = np.where(known, (predicted.value - planes[0]) / spacing, 0).astype(np.float32)
+    spread = np.where(known, predicted.variance / np.float32(spacing**2), 0) + np.float32(0.25)
+    slope = np.sqrt(np.float32(stiffness * WORST) / spread).astype(np.float32)
+    floor = np.where(known, predicted.cost, np.float32(1)) * np.float32(WORST)
     for k in range(len(planes)):
         away = (place - np.float32(k)) * slope
-        costs[:, k] += np.minimum(away * away, ceiling).astype(np.int16)
+        away *= away
+        away += floor
+        np.minimum(away, WORST, out=away)
+        np.minimum(costs[:, k], away.astype(np.int16), out=costs[:, k])

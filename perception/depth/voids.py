@@ -4,47 +4,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 Field = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 
-def _nearest_before(values: Field) -> Field:
-    """For every pixel the last value that is no NaN at or before it in its row; NaN where there is none."""
-    width = values.shape[1]
-    place = np.where(np.isfinite(values), np.arange(width)[None, :], -1)
-    place = np.maximum.accumulate(place, axis=1)
+def _nearest_before(values: Field) -> tuple[Field, Field]:
+    """For every pixel the last value that is no NaN at or before it in its row, and how far back it stands."""
+    columns = np.arange(values.shape[1])[None, :]
+    place = np.maximum.accumulate(np.where(np.isfinite(values), columns, -1), axis=1)
     taken = np.take_along_axis(values, np.maximum(place, 0), axis=1)
-    return np.where(place >= 0, taken, np.float32(np.nan))
+    some = place >= 0
+    return np.where(some, taken, np.float32(np.nan)), np.where(some, columns - place, np.inf).astype(
+        np.float32
+    )
 
 
-def fill_voids(inverse_depth: Field) -> tuple[Field, Field]:
-    """Fill NaN by the second farthest of the nearest values to the left, right, above and below.
+def fill_voids(inverse_depth: Field, hidden: Mask) -> tuple[Field, Field, Field]:
+    """Fill NaN from the nearest values to the left, right, above and below.
 
-    The farthest alone would spread every stray point that is too far.
+    A hidden pixel takes the second farthest of the four (the farthest alone would spread every stray point
+    that is too far), any other void, as at the border where the other picture ends, the nearest in the picture.
 
     Returns:
-        The filled map and the spread of the four candidates (greatest − least, 0 where nothing was filled),
-        which says how uncertain the choice is. A map of nothing but NaN comes back as it is.
+        The filled map, the spread of the candidates (greatest − least) and the distance in pixels to the
+        nearest; both are 0 where nothing was filled. A map of nothing but NaN comes back as it is.
     """
     void = ~np.isfinite(inverse_depth)
+    zero = np.zeros_like(inverse_depth)
     if not void.any() or void.all():
-        return inverse_depth, np.zeros_like(inverse_depth)
+        return inverse_depth, zero, zero.copy()
     turned = np.ascontiguousarray(inverse_depth.T)
-    candidates = np.stack(
-        [
-            _nearest_before(inverse_depth),
-            _nearest_before(inverse_depth[:, ::-1])[:, ::-1],
-            _nearest_before(turned).T,
-            _nearest_before(turned[:, ::-1])[:, ::-1].T,
-        ]
-    )[:, void]
+    sides = [
+        _nearest_before(inverse_depth),
+        tuple(part[:, ::-1] for part in _nearest_before(inverse_depth[:, ::-1])),
+        tuple(part.T for part in _nearest_before(turned)),
+        tuple(part[:, ::-1].T for part in _nearest_before(turned[:, ::-1])),
+    ]
+    candidates = np.stack([side[0][void] for side in sides])
+    away = np.stack([side[1][void] for side in sides])
+    column = np.arange(candidates.shape[1])
+    close = candidates[np.argmin(away, axis=0), column]
+    distance = np.min(away, axis=0)
     candidates.sort(axis=0)
     count = np.isfinite(candidates).sum(axis=0)
-    column = np.arange(candidates.shape[1])
-    least = candidates[0]
-    greatest = candidates[np.maximum(count - 1, 0), column]
-    chosen = candidates[np.where(count >= 2, 1, 0), column]
+    far = candidates[np.where(count >= 2, 1, 0), column]
+    width = candidates[np.maximum(count - 1, 0), column] - candidates[0]
+    lonely = count == 0
     overall = np.float32(np.nanmedian(inverse_depth))
-    filled = inverse_depth.copy()
-    filled[void] = np.where(count > 0, chosen, overall)
-    spread = np.zeros_like(inverse_depth)
-    spread[void] = np.where(count > 0, greatest - least, np.float32(np.nanmax(inverse_depth) - overall))
-    return filled, spread
+    filled, spread, reach = inverse_depth.copy(), zero, np.zeros_like(inverse_depth)
+    filled[void] = np.where(lonely, overall, np.where(hidden[void], far, close))
+    spread[void] = np.where(lonely, np.nanmax(inverse_depth) - np.nanmin(inverse_depth), width)
+    reach[void] = np.where(lonely, np.hypot(*inverse_depth.shape), distance)
+    return filled, spread, reach

@@ -31,7 +31,9 @@ def warp_map(
             σ = Σ d⁻² σ_i/Σ d⁻².
     """
     height, width = predicted.value.shape
-    known = np.isfinite(predicted.value) & np.isfinite(moved.x) & (predicted.value >= 0) & (moved.scale > 1e-3)
+    known = (
+        np.isfinite(predicted.value) & np.isfinite(moved.x) & (predicted.value >= 0) & (moved.scale > 1e-3)
+    )
     x, y = moved.x[known].astype(np.float64), moved.y[known].astype(np.float64)
     value, variance = predicted.value[known].astype(np.float64), predicted.variance[known].astype(np.float64)
     tolerance = value * same_surface + 3 * np.sqrt(variance)
@@ -53,18 +55,23 @@ def warp_map(
         reached.append((chosen, place, 1 / (square[chosen] + 1e-3)))
         close = square[chosen] < 0.5
         np.maximum.at(nearest, place[close], value[chosen[close]])
-    weights, values, variances = np.zeros(size), np.zeros(size), np.zeros(size)
+    weights, values, variances, costs = (np.zeros(size) for _ in range(4))
+    cost = predicted.cost[known].astype(np.float64)
     for chosen, place, weight in reached:
         visible = value[chosen] + tolerance[chosen] >= nearest[place]
         chosen, place, weight = chosen[visible], place[visible], weight[visible]
         weights += np.bincount(place, weight, size)
         values += np.bincount(place, weight * value[chosen], size)
+        costs += np.bincount(place, weight * cost[chosen], size)
         variances += np.bincount(
-            place, weight * weight * variance[chosen] if independent else weight * np.sqrt(variance[chosen]), size
+            place,
+            weight * weight * variance[chosen] if independent else weight * np.sqrt(variance[chosen]),
+            size,
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = variances / weights**2 if independent else (variances / weights) ** 2
         return InverseDepth(
             np.where(weights > 0, values / weights, np.nan).reshape(height, width).astype(np.float32),
             np.where(weights > 0, spread, np.nan).reshape(height, width).astype(np.float32),
+            np.where(weights > 0, costs / weights, 1.0).reshape(height, width).astype(np.float32),
         )
