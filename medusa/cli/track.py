@@ -29,6 +29,9 @@ def track(
     seconds: float = typer.Option(20.0, min=0.5, max=3600.0, help="For how long."),
     controller: str = typer.Option("predictive", help="predictive, or thesis: the PID of 6.5."),
     gains: str = typer.Option("iv", help="Column of table 6.4, for the thesis's controller."),
+    vergence: str = typer.Option(
+        "targets", help="targets: both eyes detect; disparity: the right correlates."
+    ),
     coordination: str = typer.Option("i", help="i eyes first, ii neck follows, iii shared (6.5.3)."),
     rate: float = typer.Option(6.0, min=0.5, max=200.0, help="Pictures a second."),
     left: str = typer.Option("", metavar="CAMERA", help="Device, by-id name, file, folder or address."),
@@ -54,13 +57,16 @@ def track(
     wish = {
         "threshold": threshold, "least_area": least_area, "roundness": roundness, "patch": patch,
         "screen": screen, "target": target, "pixels": pixels, "latency": latency, "rate": rate,
-        "left": left, "right": right, "cameras": cameras,
+        "left": left, "right": right, "cameras": cameras, "vergence": vergence,
     }  # fmt: skip
 
     async def body() -> "tuple[TrackLog, dict[str, Any]]":
         from medusa.cli.track_eyes import real_eyes, simulated_eyes, simulated_world
+        from medusa.errors import CommandError
         from medusa.gaze.assembly import GazeChoice
 
+        if vergence not in ("targets", "disparity"):
+            raise CommandError(f"there is no vergence from {vergence!r}; there is targets, disparity")
         choice = GazeChoice(rate, controller, gains, coordination)
         world = simulated_world(wish) if options.sim else None
         async with AsyncExitStack() as stack:

@@ -33,10 +33,11 @@ class Eyes:
     geometry: HeadGeometry
     detectors: tuple[Detector, Detector]
     turns: tuple[Vector, Vector] | None = None
+    by_disparity: bool = False
 
     def retina(self) -> Retina:
         """What turns pairs of pictures into sightings."""
-        return Retina(*self.intrinsics, *self.detectors, turns=self.turns)
+        return Retina(*self.intrinsics, *self.detectors, turns=self.turns, by_disparity=self.by_disparity)
 
 
 def simulated_world(wish: Mapping[str, Any]) -> Any:
@@ -71,7 +72,13 @@ async def simulated_eyes(simulated: "SimulatedHead", wish: Mapping[str, Any]) ->
     else:
         detectors = bright_detectors(wish["threshold"], shape=_shape(wish))
     async with simulated.cameras() as cameras:
-        yield Eyes(cameras, (lens, lens), simulated.geometry(), detectors)
+        yield Eyes(
+            cameras,
+            (lens, lens),
+            simulated.geometry(),
+            detectors,
+            by_disparity=wish["vergence"] == "disparity",
+        )
 
 
 @asynccontextmanager
@@ -94,7 +101,7 @@ async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
     left = open_camera(wish["left"], settings, name="left")
     right = open_camera(wish["right"], settings, name="right")
     async with left, right:
-        yield Eyes((left, right), lenses, geometry, detectors, turns)
+        yield Eyes((left, right), lenses, geometry, detectors, turns, wish["vergence"] == "disparity")
 
 
 def _shape(wish: Mapping[str, Any]) -> Shape | None:

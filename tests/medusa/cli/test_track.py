@@ -50,6 +50,13 @@ def test_track_follows_by_the_thesis_controller_too(ctl: Ctl, tmp_path: Path) ->
     assert result.json["rms_error_deg"] < 4.0
 
 
+def test_track_verges_by_disparity_at_the_fovea(ctl: Ctl, tmp_path: Path) -> None:
+    words = ["--target", "texture", "--vergence", "disparity", "--seconds", "6", "--out", str(tmp_path)]
+    result = ctl("--sim", "--json", "track", *words)
+    assert result.code == 0
+    assert result.json["median_vergence_error_deg"] < 0.2
+
+
 def test_track_shows_real_pictures_on_a_screen(ctl: Ctl, tmp_path: Path) -> None:
     pictures = tmp_path / "pictures"
     pictures.mkdir()
@@ -84,6 +91,7 @@ def test_track_shows_real_pictures_on_a_screen(ctl: Ctl, tmp_path: Path) -> None
         (["--gains", "vii"], "no column of table 6.4 'vii'"),
         (["--coordination", "iv"], "no coordination 'iv'"),
         (["--target", "cat"], "no emulated target 'cat'"),
+        (["--vergence", "guess"], "no vergence from 'guess'"),
         (["--left", "0"], "leave --left"),
         (["--screen", "nowhere"], "nowhere"),
         (["--video", "film.gif"], "a film ends in"),

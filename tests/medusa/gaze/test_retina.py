@@ -70,3 +70,23 @@ def test_a_colour_picture_is_looked_at_in_grey():
     grey = picture(40, 30)
     seen = retina.look(FramePair(frame(np.dstack([grey] * 3)), None), REST)
     assert seen.left == pytest.approx(((40 - 31.5) / 88, (30 - 31.5) / 88))
+
+
+def test_by_disparity_the_right_eye_finds_what_the_left_eye_has_around_its_target():
+    rng = np.random.default_rng(5)
+    left = rng.integers(30, 90, (64, 64)).astype(np.uint8)
+    left[28:33, 35:40] = 250
+    right = np.roll(left, -6, axis=1)  # nearer things stand further left in the right eye
+    never = lambda image: None  # noqa: E731 (the right eye must not need a detector)
+    retina = Retina(LENS, LENS, detect, never, by_disparity=True)
+    seen = retina.look(FramePair(frame(left), frame(right)), REST)
+    assert seen.left == pytest.approx(((37 - 31.5) / 88, (30 - 31.5) / 88), abs=1e-3)
+    # A whole shift is found to a twentieth of a pixel.
+    assert seen.right == pytest.approx((seen.left[0] - 6 / 88, seen.left[1]), abs=0.05 / 88)
+
+
+def test_by_disparity_a_target_at_the_rim_is_seen_by_the_left_eye_alone():
+    retina = Retina(LENS, LENS, detect, detect, by_disparity=True)
+    seen = retina.look(FramePair(frame(picture(2, 30)), frame(picture(2, 30))), REST)
+    assert seen.left is not None
+    assert seen.right is None
