@@ -18,7 +18,7 @@ from perception.target import Image, Shape, Target, detect_bright_target
 
 Controller = Literal["predictive", "thesis"]
 CONTROLLERS: tuple[Controller, ...] = ("predictive", "thesis")
-COMMAND_PERIOD = {"predictive": 0.02, "thesis": 0.04}
+SHORTEST_PERIOD, LONGEST_PERIOD = 0.02, 0.04
 SACCADE_ERROR = math.radians(5.0)
 
 
@@ -43,13 +43,18 @@ class GazeChoice:
         if not 0.1 <= self.frame_rate <= 1000.0:
             raise CommandError(f"{self.frame_rate:g} pictures a second: must be 0.1 to 1000")
 
+    @property
+    def command_period(self) -> float:
+        """Four looks at the head a picture, but 25 to 50 a second [s]."""
+        return min(max(0.25 / self.frame_rate, SHORTEST_PERIOD), LONGEST_PERIOD)
+
     def make_gaze(self, head: Head, geometry: HeadGeometry) -> Gaze:
         """The behaviour, within what the head's configuration allows."""
         way = COORDINATIONS[self.coordination]
         if self.controller == "predictive":
             # Two and a half pictures without the target are a loss, not a gap.
             patience = max(0.5, 2.5 / self.frame_rate)
-            settings = PredictiveSettings(COMMAND_PERIOD["predictive"], patience=patience, coordination=way)
+            settings = PredictiveSettings(self.command_period, patience=patience, coordination=way)
             return PredictiveGaze(settings, geometry, gaze_limits(head))
         return ThesisGaze(
             ThesisSettings(
@@ -68,7 +73,7 @@ class GazeChoice:
             point = 1.5 * direction_of(a, e)
             search.append(limits.confine(look_at(geometry, point, a))[0])
         return LoopSettings(
-            command_period=COMMAND_PERIOD[self.controller],
+            command_period=self.command_period,
             pair_patience=min(0.03, 0.5 / self.frame_rate),
             too_late=max(0.6, 2.0 / self.frame_rate),
             search=tuple(search),

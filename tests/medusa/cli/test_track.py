@@ -62,7 +62,7 @@ def test_track_shows_real_pictures_on_a_screen(ctl: Ctl, tmp_path: Path) -> None
     pictures.mkdir()
     for k in range(4):
         image = np.full((144, 192), 40, np.uint8)
-        cv2.ellipse(image, (90 + k, 90), (14, 11), 10, 0, 360, 250, cv2.FILLED)
+        cv2.ellipse(image, (90, 90), (14, 11), 10 * k, 0, 360, 250, cv2.FILLED)
         cv2.rectangle(image, (0, 0), (191, 30), 250, cv2.FILLED)  # as bright, larger and no ellipse
         cv2.imwrite(str(pictures / f"{k}.png"), image)
     result = ctl(
