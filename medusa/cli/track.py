@@ -116,7 +116,7 @@ async def _follow(
             stack.callback(film.close)
 
             async def record() -> None:
-                async for pair in paired(*eyes.cameras, bound=0.005, patience=0.03):
+                async for pair in paired(*eyes.cameras, bound=choice.pair_bound, patience=choice.pair_bound):
                     film.add_pair(pair)
 
             recorder = loop.create_task(record(), name="film both eyes")

@@ -92,7 +92,7 @@ async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
     path = Path(wish["cameras"])
     lenses = load_intrinsics(path, "left"), load_intrinsics(path, "right")
     geometry, turns = _load_geometry(path)
-    settings = CaptureSettings(rate=wish["rate"])
+    settings = _capture_settings(path, float(wish["rate"]))
     detectors = (
         patch_detectors(_read_patch(wish["patch"]))
         if wish["patch"]
@@ -130,6 +130,23 @@ def _load_geometry(path: Path) -> tuple[HeadGeometry, tuple[Vector, Vector]]:
         for key in ("left_centre_m", "right_centre_m", "left_turn_rad", "right_turn_rad")
     )
     return HeadGeometry(table["baseline_m"], left, right), (turn_matrix(left_turn), turn_matrix(right_turn))
+
+
+def _capture_settings(path: Path, rate: float) -> CaptureSettings:
+    """What the table [capture] asks of both cameras; raises CommandError naming file and key."""
+    table = tomllib.loads(path.read_text(encoding="utf-8")).get("capture", {})
+    kinds: dict[str, type | tuple[type, ...]] = {
+        "width": int, "height": int, "pixel_format": str,
+        "exposure": (int, float), "gain": (int, float), "delay": (int, float),
+    }  # fmt: skip
+    for key, value in table.items():
+        if key not in kinds:
+            raise CommandError(f"{path}: [capture] knows {', '.join(kinds)}, not {key!r}")
+        if not isinstance(value, kinds[key]) or isinstance(value, bool):
+            raise CommandError(f"{path}: [capture] {key} = {value!r} is of the wrong kind")
+        if key == "pixel_format" and len(value) != 4:
+            raise CommandError(f"{path}: [capture] pixel_format {value!r} must have four letters")
+    return CaptureSettings(rate=rate, **table)
 
 
 def _triple(path: Path, table: Mapping[str, Any], key: str) -> tuple[float, float, float]:

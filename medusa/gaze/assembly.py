@@ -48,6 +48,11 @@ class GazeChoice:
         """Four looks at the head a picture, but 25 to 50 a second [s]."""
         return min(max(0.25 / self.frame_rate, SHORTEST_PERIOD), LONGEST_PERIOD)
 
+    @property
+    def pair_bound(self) -> float:
+        """Pictures exposed at most so far apart are a pair: free-running cameras are up to half a period [s]."""
+        return min(0.03, 0.45 / self.frame_rate)
+
     def make_gaze(self, head: Head, geometry: HeadGeometry) -> Gaze:
         """The behaviour, within what the head's configuration allows."""
         way = COORDINATIONS[self.coordination]
@@ -74,7 +79,8 @@ class GazeChoice:
             search.append(limits.confine(look_at(geometry, point, a))[0])
         return LoopSettings(
             command_period=self.command_period,
-            pair_patience=min(0.03, 0.5 / self.frame_rate),
+            pair_bound=self.pair_bound,
+            pair_patience=self.pair_bound,
             too_late=max(0.6, 2.0 / self.frame_rate),
             search=tuple(search),
             search_after=max(1.0, 3.0 / self.frame_rate),

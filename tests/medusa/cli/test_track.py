@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from medusa.cli.track_eyes import _load_geometry
+from medusa.cli.track_eyes import _capture_settings, _load_geometry
 from medusa.errors import CommandError
 from perception.camera.intrinsics import load_intrinsics
 
@@ -152,3 +152,22 @@ def test_a_calibration_without_its_geometry_is_named(tmp_path: Path, text: str, 
     path.write_text(text)
     with pytest.raises(CommandError, match=said):
         _load_geometry(path)
+
+
+def test_capture_settings_come_from_the_calibrations_file(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.toml"
+    path.write_text('[capture]\nwidth = 640\nheight = 480\npixel_format = "GREY"\nexposure = 12.5\n')
+    settings = _capture_settings(path, 25.0)
+    assert (settings.width, settings.height, settings.rate) == (640, 480, 25.0)
+    assert (settings.pixel_format, settings.exposure, settings.gain) == ("GREY", 12.5, None)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [("widht = 3", "not 'widht'"), ('width = "x"', "wrong kind"), ('pixel_format = "GREYS"', "four letters")],
+)
+def test_a_mistake_in_the_capture_settings_is_named(tmp_path: Path, line: str, said: str) -> None:
+    path = tmp_path / "cameras.toml"
+    path.write_text(f"[capture]\n{line}\n")
+    with pytest.raises(CommandError, match=said):
+        _capture_settings(path, 25.0)
