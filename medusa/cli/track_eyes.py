@@ -144,7 +144,7 @@ def _capture_settings(path: Path, rate: float) -> CaptureSettings:
             raise CommandError(f"{path}: [capture] knows {', '.join(kinds)}, not {key!r}")
         if not isinstance(value, kinds[key]) or isinstance(value, bool):
             raise CommandError(f"{path}: [capture] {key} = {value!r} is of the wrong kind")
-        if key == "pixel_format" and len(value) != 4:
+        if key == "pixel_format" and len(str(value)) != 4:
             raise CommandError(f"{path}: [capture] pixel_format {value!r} must have four letters")
     return CaptureSettings(rate=rate, **table)
 

@@ -101,7 +101,8 @@ class PredictiveGaze:
                 return self._saccade(now, joints, azimuth, "neck to a comfortable position")
             error = max(abs(w - q) for w, q in zip(here[1:], ahead[1:], strict=True))
             self._acquired |= error <= self._settings.acquire
-            if error > (self._settings.catch_up if self._acquired else self._settings.acquire):
+            least = self._settings.catch_up if self._acquired else self._settings.acquire
+            if error > least and not (self._acquired and self._too_fast(now, error)):
                 return self._saccade(now, joints, None, "target ahead of the fovea")
         there, _ = self._limits.confine(self._wanted(acting + period + lag, joints))
         stiffness = self._settings.stiffness
@@ -193,6 +194,12 @@ class PredictiveGaze:
         turned = self._settings.coordination.pan(joints.pan, azimuth) if pan is None else pan
         turned = min(max(turned, self._limits.low.pan), self._limits.high.pan)
         return look_at(self._geometry, point, turned)
+
+    def _too_fast(self, now: float, error: float) -> bool:
+        """Whether the target would be elsewhere, should it turn, by the time a saccade over `error` has landed."""
+        rate = math.hypot(self._azimuth.predict(now).rate, self._elevation.predict(now).rate)
+        blind = self._landing_delay + 2 * math.sqrt(error / min(self._limits.acceleration))
+        return rate * blind > self._settings.catch_up
 
     def _trusted(self, moment: float) -> float:
         """How far ahead a path is believed: fully for as long as the patience, then ever less, for a quarter more.

@@ -10,7 +10,7 @@ from medusa.gaze.coordination import COORDINATIONS, EyesFirst
 from medusa.gaze.pid import TABLE_6_4
 from medusa.gaze.predictive_gaze import PredictiveGaze, PredictiveSettings
 from medusa.gaze.thesis_gaze import ThesisGaze, ThesisSettings
-from medusa.kinematics import HeadGeometry, Joints, project
+from medusa.kinematics import HeadGeometry, Joints, look_at, project
 
 GEOMETRY = HeadGeometry(0.13)
 VIEW = math.tan(math.radians(20))
@@ -190,3 +190,51 @@ def test_with_microsaccades_a_slow_joint_is_stepped():
     command = gaze.step(0.0, joints, see(0.0, joints, np.array([40.0, 0.05, 0.0])))
     assert isinstance(command, Pursue)
     assert isinstance(command.joints["left_vergence"], Position)
+
+
+def at(azimuth_deg, distance=1.2):
+    azimuth = math.radians(azimuth_deg)
+    return distance * np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
+
+
+def looking_at(azimuth_deg):
+    return look_at(GEOMETRY, at(azimuth_deg), 0.0)
+
+
+def test_a_target_that_jumps_is_jumped_after():
+    gaze = predictive(0.04)
+    for k in range(10):
+        assert isinstance(gaze.step(0.04 * k, looking_at(0), see(0.04 * k, looking_at(0), at(0))), Pursue)
+    command = gaze.step(0.4, looking_at(0), see(0.4, looking_at(0), at(14)))
+    assert isinstance(command, Saccade)
+    # It lands where the target was seen, since nothing says yet that it moves.
+    assert list(command.target) == pytest.approx(list(looking_at(14)), abs=math.radians(0.2))
+
+
+def test_nothing_is_jumped_at_twice_without_a_look_between():
+    gaze = predictive(0.04)
+    gaze.step(0.0, looking_at(0), see(0.0, looking_at(0), at(16)))
+    gaze.saccade_ended(0.3)
+    assert isinstance(gaze.step(0.32, looking_at(0), None), Pursue)
+
+
+def test_a_fast_target_is_caught_up_with_by_pursuit_since_it_may_turn_while_the_eyes_jump():
+    gaze = predictive(0.04)
+    for k in range(8):
+        azimuth = -15 + 60 * 0.04 * k
+        gaze.step(0.04 * k, looking_at(azimuth), see(0.04 * k, looking_at(azimuth), at(azimuth)))
+    # Now the eyes are 16 degrees behind a target at 60 degrees a second.
+    command = gaze.step(0.32, looking_at(4.2 - 16), see(0.32, looking_at(4.2 - 16), at(4.2)))
+    assert isinstance(command, Pursue)
+    assert command.joints["left_vergence"].rate > math.radians(60)
+
+
+def test_a_path_that_went_far_unseen_is_given_up_for_the_place_where_the_target_was_last_seen():
+    gaze = predictive(0.04)
+    for k in range(8):
+        azimuth = -15 + 60 * 0.04 * k
+        gaze.step(0.04 * k, looking_at(azimuth), see(0.04 * k, looking_at(azimuth), at(azimuth)))
+    blind = Sighting(0.44, looking_at(8), None, None)  # 9.6 degrees further on, and nothing there
+    command = gaze.step(0.45, looking_at(8), blind)
+    assert isinstance(command, Pursue)
+    assert command.joints["left_vergence"].rate < 0  # back, toward 1.8 degrees
