@@ -110,7 +110,7 @@ async def _follow(
 
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as stack:
-        film = None
+        film = recorder = None
         if video:
             film = Film(Path(video), eyes.intrinsics, choice.frame_rate, start=loop.time())
             stack.callback(film.close)
@@ -131,6 +131,8 @@ async def _follow(
         stack.callback(progress.cancel)
         options.say(f"tracking for {seconds:g} s: {choice.controller}, coordination ({choice.coordination})")
         log = await gaze_loop.run(seconds)
+        if recorder is not None and recorder.done():
+            recorder.result()
         camera_counts = {camera.name: vars(camera.statistics) for camera in eyes.cameras}
     summary = log.summary(since=start + min(2.0, seconds / 4.0))
     document = {

@@ -36,6 +36,10 @@ class Film:
         code = _CODECS.get(path.suffix.lower())
         if code is None:
             raise CommandError(f"{path}: a film ends in {', '.join(_CODECS)}")
+        try:
+            path.open("wb").close()
+        except OSError as error:
+            raise CommandError(f"{path}: {error.strerror}") from error
         self._intrinsics = intrinsics
         self._path = path
         self._rate = rate

@@ -95,6 +95,7 @@ def test_track_shows_real_pictures_on_a_screen(ctl: Ctl, tmp_path: Path) -> None
         (["--left", "0"], "leave --left"),
         (["--screen", "nowhere"], "nowhere"),
         (["--video", "film.gif"], "a film ends in"),
+        (["--video", "no/such/folder/film.avi"], "No such file"),
         (["--patch", "nowhere.png"], "nowhere.png"),
     ],
 )
