@@ -4,6 +4,7 @@ Ranges: docs/protocols, MC3000, "Geometry of the head" (soft limits 2° inside t
 speeds: thesis, tables 6.1 and 6.3; filters: the registers nearest to thesis (6.12)–(6.14) and table 6.2 (iii).
 """
 
+from functools import cache
 from typing import Any
 
 from medusa.config import HeadConfig
@@ -88,6 +89,7 @@ def simulated_toml() -> str:
     return fill(template(), simulated_values())
 
 
+@cache
 def simulated_config() -> HeadConfig:
     """The emulated head's configuration; read from no file, so its joints count as checked."""
     return parse_config(simulated_toml(), "the simulated head's configuration", recorded=False)
