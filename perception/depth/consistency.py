@@ -37,8 +37,8 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
 
 def agree(
     plane: NDArray[np.intp], backward: NDArray[np.int32], projection: Projection, tolerance: int = 1
-) -> tuple[Mask, Mask]:
-    """Which base pixels the other picture confirms, and which it can see at all.
+) -> Mask:
+    """Which base pixels the other picture confirms.
 
     Args:
         plane: the plane chosen in the base view; projection: where that puts each pixel.
@@ -46,11 +46,11 @@ def agree(
         tolerance: how many planes the two may differ.
 
     Returns:
-        confirmed and in view (height × width each).
+        confirmed, height × width.
     """
     height, width = plane.shape
     x, y = np.nan_to_num(projection.x, nan=-9.0), np.nan_to_num(projection.y, nan=-9.0)
     column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
     in_view = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     there = backward[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    return in_view & (np.abs(there - plane) <= tolerance), in_view
+    return np.asarray(in_view & (np.abs(there - plane) <= tolerance))

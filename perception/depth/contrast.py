@@ -52,13 +52,13 @@ def equalised_slopes(grey: Grey, noise: float) -> Bytes:
     """
     across = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
     down = cv2.Sobel(grey, cv2.CV_32F, 0, 1)
-    power = window_mean(cv2.add(cv2.multiply(across, across), cv2.multiply(down, down)), CONTRAST_RADIUS)
+    power = window_mean(np.asarray(across * across + down * down, np.float32), CONTRAST_RADIUS)
     floor = (NOISE_LIMIT * SLOPE_GAIN * noise) ** 2
     scale = np.float32(127) / np.sqrt(np.float32(LIMIT**2 / 2) * power + np.float32(floor))
-    slopes = cv2.merge([across * scale, down * scale])
+    slopes = np.stack([across * scale, down * scale], axis=-1)
     np.clip(slopes, -127, 127, out=slopes)
     slopes += np.float32(127.5)
-    return slopes.astype(np.uint8)
+    return np.asarray(slopes, np.uint8)
 
 
 def smooth_against_noise(grey: Grey, noise: float) -> Grey:

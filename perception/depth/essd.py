@@ -33,45 +33,55 @@ TEXTURE_GATE = 0.01
 """Least ratio of standard deviation to mean for (2.8) to be used, thesis section 2.9.1."""
 
 
-def window_mean(image: Field, radius: int) -> Field:
-    h = radius // 2 + (radius & 1)
-    a, b = 2 * h + 1, 2 * (radius - h) + 1
-    import os
+class Window(Enum):
+    """The weights φ of (2.6)."""
 
-    if os.environ.get("GA"):
-        return cv2.GaussianBlur(image, (0, 0), float(os.environ["GA"]))
-    return cv2.blur(cv2.blur(image, (a, a)), (b, b))
+    FLAT = "flat"
+    """1 over the square, as in the thesis."""
+    TENT = "tent"
+    """Falling linearly to the rim; a flat window answers some wave lengths with the wrong sign."""
 
 
 class BaseWindow:
     """The windows of the base picture, whose moments all candidates share."""
 
-    def __init__(self, grey: Field, radius: int, equalisation: Equalisation) -> None:
+    def __init__(
+        self, grey: Field, radius: int, equalisation: Equalisation, window: Window = Window.FLAT
+    ) -> None:
         self.grey = grey
-        self.radius = radius
-        self.pixels = (2 * radius + 1) ** 2
         self.equalisation = equalisation
-        self.mean = window_mean(grey, radius)
-        self.variance = np.maximum(window_mean(grey * grey, radius) - self.mean * self.mean, 0)
+        self._sides = (2 * radius + 1,) if window is Window.FLAT else (radius + 1, radius + 1)
+        profile = np.ones(1)
+        for side in self._sides:
+            profile = np.convolve(profile, np.ones(side) / side)
+        self.pixels = round(1 / float(np.sum(profile**2)) ** 2)
+        """N: the pixels of the flat window that averages noise as well."""
+        self.mean = self._average(grey)
+        self.variance = np.maximum(self._average(grey * grey) - self.mean * self.mean, 0)
+
+    def _average(self, image: Field) -> Field:
+        for side in self._sides:
+            image = np.asarray(cv2.blur(image, (side, side), borderType=cv2.BORDER_REFLECT_101), np.float32)
+        return image
 
     def sum_of_squares(self, warped: Field) -> Field:
-        """Σ φ [I_t − equalised I_{t+τ}]² over the window; φ = 1; height × width, grey levels squared."""
+        """Σ φ [I_t − equalised I_{t+τ}]² over the window, Σ φ = N; height × width, grey levels squared."""
         if self.equalisation is Equalisation.NONE:
             difference = self.grey - warped
-            return window_mean(difference * difference, self.radius) * np.float32(self.pixels)
-        mean = window_mean(warped, self.radius)
+            return self._average(difference * difference) * np.float32(self.pixels)
+        mean = self._average(warped)
         if self.equalisation is Equalisation.MEAN_RATIO:
             gate = np.sqrt(self.variance) > TEXTURE_GATE * np.maximum(self.mean, 1e-3)
             ratio = np.where(gate & (mean > 1e-3), self.mean / np.maximum(mean, 1e-3), np.float32(1))
-            square = window_mean(self.grey * self.grey, self.radius)
-            cross = window_mean(self.grey * warped, self.radius)
-            power = window_mean(warped * warped, self.radius)
+            square = self._average(self.grey * self.grey)
+            cross = self._average(self.grey * warped)
+            power = self._average(warped * warped)
             return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
-        variance = np.maximum(window_mean(warped * warped, self.radius) - mean * mean, 0)
-        covariance = window_mean(self.grey * warped, self.radius) - self.mean * mean
+        variance = np.maximum(self._average(warped * warped) - mean * mean, 0)
+        covariance = self._average(self.grey * warped) - self.mean * mean
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.sqrt(self.variance / np.maximum(variance, 1e-6))
-        return 2 * np.maximum(self.variance - gain * covariance, 0) * np.float32(self.pixels)
+        return np.asarray(2 * self.pixels * np.maximum(self.variance - gain * covariance, 0), np.float32)
 
 
 def epipolar_axes(projection: Projection) -> tuple[Field, Field, Field]:

@@ -10,7 +10,8 @@ from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_depth
-from perception.depth.matching import Match, match_pair
+from perception.depth.literal_match import match_literally
+from perception.depth.matching import match_pair
 from perception.depth.motion import Motion
 from perception.depth.search_range import search_range
 from perception.depth.settings import DEFAULT, Settings
@@ -76,15 +77,10 @@ class DepthFromMotion:
         """Take the first picture."""
         self._kept = as_grey(image)
         self._colour = image.ndim == 3
-        settings = self.settings
-        self._state = InverseDepth.unknown(self._kept.shape)
-        if settings.start_depth is not None:
-            value = np.float32(1 / settings.start_depth)
-            self._state = InverseDepth(
-                np.full(self._kept.shape, value, np.float32),
-                np.full(self._kept.shape, (value * settings.start_std) ** 2, np.float32),
-                np.ones(self._kept.shape, np.float32),
-            )
+        shape, settings = (self._kept.shape[0], self._kept.shape[1]), self.settings
+        self._state = InverseDepth.unknown(shape)
+        if settings.literal:
+            self._state = self._presumed(shape)
         return DepthMap(self._state, False, 0.0)
 
     def step(self, image: NDArray[np.uint8], motion: Motion) -> DepthMap:
@@ -117,28 +113,40 @@ class DepthFromMotion:
         if geometry.parallax(near, far) < LEAST_PARALLAX_PX:
             self._state = predicted
             return DepthMap(predicted, False, 0.0)
+        if self.settings.literal:
+            measured = match_literally(base, other, geometry, predicted, self.settings)
+            everywhere = np.isfinite(measured.value)
+            infinite = np.full(shape, np.inf, np.float32)
+            self._state = fuse(predicted, measured, everywhere, float("inf"), infinite)
+            return DepthMap(self._state, True, float(everywhere.mean()))
         lowest, highest = search_range(base, other, geometry, predicted, self.settings)
-        match = self._match(base, other, geometry, lowest, highest, predicted)
+        match = match_pair(base, other, geometry, lowest, highest, predicted, self.settings)
         self._state = fuse(predicted, match.measured, match.sure, self.settings.gate, match.reach)
         return DepthMap(self._state, True, float(match.sure.mean()), lowest, highest)
-
-    def _match(
-        self,
-        base: Field,
-        other: Field,
-        geometry: Epipolar,
-        lowest: float,
-        highest: float,
-        predicted: InverseDepth,
-    ) -> Match:
-        return match_pair(base, other, geometry, lowest, highest, predicted, self.settings)
 
     def _predict(self, motion: Motion, shape: tuple[int, int]) -> InverseDepth:
         assert self._state is not None
         if not np.isfinite(self._state.value).any():
             return self._state
         moved = Epipolar(self.camera, motion, shape).project(self._state.value)
-        return warp_map(predict_inverse_depth(self._state, moved, self.settings.drift), moved)
+        predicted = predict_inverse_depth(self._state, moved, self.settings.drift)
+        if not self.settings.literal:
+            return warp_map(predicted, moved)
+        warped, start = warp_map(predicted, moved, reach=2, independent=True), self._presumed(shape)
+        void = ~np.isfinite(warped.value)
+        return InverseDepth(
+            np.where(void, start.value, warped.value),
+            np.where(void, start.variance, warped.variance),
+            start.cost,
+        )
+
+    def _presumed(self, shape: tuple[int, int]) -> InverseDepth:
+        """What is assumed before anything is seen, thesis section 2.9.1: one depth everywhere."""
+        value = 1 / self.settings.start_depth
+        spread = (value * self.settings.start_std) ** 2
+        return InverseDepth(
+            np.full(shape, value, np.float32), np.full(shape, spread, np.float32), np.zeros(shape, np.float32)
+        )
 
     def _check(self, image: NDArray[np.uint8], grey: Field) -> None:
         assert self._kept is not None

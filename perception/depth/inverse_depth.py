@@ -67,8 +67,8 @@ def fuse(
     """Combine prediction and measurement: 1/P⁺ = 1/P⁻ + 1/R, ρ⁺ = P⁺ (ρ⁻/P⁻ + ρ_m/R), (2.26)–(2.28).
 
     A measurement that was confirmed both ways (`sure`) is averaged with the prediction when they agree within
-    `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One that was not confirmed
-    only stands where nothing is known or only a worse guess.
+    `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One
+    that was not confirmed only stands where nothing is known or only a worse guess.
     """
     known = np.isfinite(predicted.value)
     guess = known & (predicted.cost >= 1)

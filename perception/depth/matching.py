@@ -6,15 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.consistency import agree, backward_planes
-from perception.depth.contrast import equalised_slopes, estimate_noise, smooth_against_noise
+from perception.depth.contrast import estimate_noise
 from perception.depth.epipolar import Epipolar
-from perception.depth.essd import BaseWindow, epipolar_axes, sample_surface
+from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
-from perception.depth.scanline import aggregate, choose, jump_costs
 from perception.depth.settings import Settings
-from perception.depth.sweep import WORST, admit_prediction, sweep_planes
+from perception.depth.sweep_choice import choose_on_affordable_level
 from perception.depth.voids import fill_voids
 
 Field = NDArray[np.float32]
@@ -23,6 +21,8 @@ Mask = NDArray[np.bool_]
 
 LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
+LINE_SLACK = 3.0
+"""… when they stray by more than this many of their own standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -33,57 +33,6 @@ class Match:
     measured: InverseDepth
     sure: Mask
     reach: Field
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The choice of the sweep: inverse depth, its cost in this pair (0 to 1), confirmed, hidden, and the distance of its planes in 1/m."""
-
-    inverse_depth: Field
-    cost: Field
-    sure: Mask
-    hidden: Mask
-    spacing: np.float32
-
-
-def sweep(
-    base: Field,
-    other: Field,
-    geometry: Epipolar,
-    lowest: float,
-    highest: float,
-    predicted: InverseDepth,
-    settings: Settings,
-) -> Choice:
-    """Choose among planes between two inverse depths, with the weak string and the forward–backward check."""
-    noise = max(estimate_noise(base), estimate_noise(other))
-    calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
-    planes = geometry.planes(lowest, highest)
-    costs = sweep_planes(
-        equalised_slopes(calm, noise),
-        equalised_slopes(calm_other, noise),
-        geometry,
-        planes,
-        settings.sweep_radius,
-    )
-    if np.isfinite(predicted.value).any():
-        alone = costs.copy()
-        admit_prediction(costs, planes, predicted, settings.stiffness)
-    else:
-        alone = costs
-    contrast = max(0.7 * float(np.sqrt(np.mean(np.square(np.diff(calm, axis=1))))), 2 * noise)
-    bend = int(settings.bend * WORST)
-    jumps = jump_costs(calm, int(settings.jump * WORST), bend + bend // 5, contrast)
-    total = aggregate(costs, bend, jumps)
-    plane, place = choose(total)
-    spacing = np.float32(planes[1] - planes[0])
-    inverse_depth = (np.float32(planes[0]) + place * spacing).astype(np.float32)
-    sure, _ = agree(plane, backward_planes(total, geometry, planes), geometry.project(inverse_depth))
-    reachable = np.ones(base.shape, bool)
-    for end in (planes[0], planes[-1]):
-        reachable &= geometry.in_view(geometry.project(float(end)))
-    cost = np.take_along_axis(alone, plane[:, None, :], axis=1)[:, 0].astype(np.float32) / WORST
-    return Choice(inverse_depth, cost, sure, ~sure & reachable, spacing)
 
 
 def flatten_steps(disparity: Field, radius: int = 4, step: float = 0.5) -> Field:
@@ -103,7 +52,8 @@ def flatten_steps(disparity: Field, radius: int = 4, step: float = 0.5) -> Field
 def jump_height(disparity: Field, radius: int) -> Field:
     """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
     window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
-    return np.maximum(cv2.dilate(disparity, window) - cv2.erode(disparity, window) - 1, 0).astype(np.float32)
+    spread = np.asarray(cv2.dilate(disparity, window) - cv2.erode(disparity, window), np.float32)
+    return np.maximum(spread - 1, np.float32(0))
 
 
 def refine(
@@ -119,7 +69,7 @@ def refine(
         The measurement and its variance, NaN where the error surface has no minimum; |C|, the pixels a unit of
         inverse depth is worth; and the variance of the inverse depth that the motion's error makes.
     """
-    window = BaseWindow(base, settings.window_radius, settings.equalisation)
+    window = BaseWindow(base, settings.window_radius, settings.equalisation, Window.TENT)
     projection = geometry.project(inverse_depth)
     _, _, worth = epipolar_axes(projection)
     surface = sample_surface(window, other, projection, settings.surface_step)
@@ -135,7 +85,7 @@ def refine(
         found = (np.abs(shift) <= 1.5) & (np.abs(surface.v) <= 1.5) & np.isfinite(variance) & (worth > 1e-6)
         value = inverse_depth + shift / worth
     void = np.float32(np.nan)
-    drift = off_line / np.square(np.maximum(worth, np.float32(1e-6)))
+    drift = np.asarray(off_line / np.square(np.maximum(worth, np.float32(1e-6))), np.float32)
     return np.where(found, value, void), np.where(found, variance, void), worth, drift
 
 
@@ -149,7 +99,8 @@ def line_error(across: Field, variance: Field) -> float:
     if np.count_nonzero(sharp) < 100:
         return 0.0
     stray = 1.4826 * float(np.median(np.abs(across[sharp])))
-    return float(np.sqrt(max(stray**2 - float(np.median(variance[sharp])), 0.0)))
+    own = max(LINE_SLACK * float(np.sqrt(np.median(variance[sharp]))), 0.1)
+    return float(np.sqrt(max(stray**2 - own**2, 0.0)))
 
 
 def match_pair(
@@ -170,7 +121,7 @@ def match_pair(
         predicted: what is expected of the base view; NaN where nothing is.
     """
     noise = max(estimate_noise(base), estimate_noise(other))
-    choice = sweep(base, other, geometry, lowest, highest, predicted, settings)
+    choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
     disparity, spread, reach = fill_voids(kept, choice.hidden)
     flat = flatten_steps(disparity)

@@ -53,18 +53,20 @@ def relax_membrane(
     strength: float = 1.0,
     iterations: int = 20,
     start: Field | None = None,
+    independent: bool = False,
 ) -> tuple[Field, Field]:
     """Relax the membrane over measured disparities, thesis (2.16)–(2.18), and carry the variance along.
 
     u ← (Σ w ū + λσ⁻² d) / (Σ w + λσ⁻²), first on the black, then on the white squares of the chess-board
-    (Gauss–Seidel). The variance follows the corrected (2.18), (16 var ū + w² σ²)/(4 + w)², with the
-    neighbours' errors taken as fully correlated, as overlapping windows make them.
+    (Gauss–Seidel). The variance follows the corrected (2.18), (16 var ū + w² σ²)/(4 + w)², w = λσ⁻².
 
     Args:
         measured: d, in pixels; NaN is a void.
         variance: σ² of d in px²; it is not looked at in voids.
         strength: λ.
         start: where the relaxation begins; the measurement, with voids at its median, by default.
+        independent: var ū = Σ w² σ²/(Σ w)², errors independent, as (2.18) supposes. Overlapping windows make
+            neighbours err together; so by default all deviations are added as they are.
 
     Returns:
         u and its variance, height × width each.
@@ -89,6 +91,8 @@ def relax_membrane(
     spread = np.sqrt(np.where(known, variance, np.float32(0)))
     worst = np.float32(np.sqrt(np.max(variance[known]))) if known.any() else np.float32(0)
     spread = np.where(known, spread, worst)
-    around = springs.gather(spread) / np.maximum(ties, 1e-6)
-    mixed = (ties * around + weight * spread) * share
+    if independent:
+        squares_around = Springs(springs.down**2, springs.right**2).gather(spread * spread)
+        return u, np.asarray((squares_around + (weight * spread) ** 2) * share * share, np.float32)
+    mixed = (springs.gather(spread) + weight * spread) * share
     return u, np.asarray(mixed * mixed, np.float32)

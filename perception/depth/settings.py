@@ -12,14 +12,14 @@ class Settings:
 
     near: float = 0.1
     """Nearest depth searched, m."""
-    far: float = 1000.0
+    far: float = 200.0
     """Farthest depth searched, m."""
     literal: bool = False
     """Match as the thesis does: a search in two dimensions around the prediction, level by level."""
     levels: int = 3
     """Levels of the Gaussian pyramid (2.5)."""
-    max_planes: int = 96
-    """More hypotheses than this are not searched on the finest level but on the next coarser one."""
+    max_hypotheses: float = 12e6
+    """More planes times pixels than this are not searched on the finest level but on the next coarser one."""
     sweep_radius: int = 2
     """Half the window of the sweep."""
     bend: float = 0.3
@@ -28,7 +28,7 @@ class Settings:
     stiffness: float = 0.1
     """How fast the predicted depth loses its hold on the search away from it, a part of the greatest cost per χ²."""
     window_radius: int = 4
-    """Half the window of the error surface; 7×7 as in the thesis."""
+    """Half the window of the error surface: a tent of 9×9, which averages like a flat 7×7."""
     surface_step: float = 0.6
     """Distance in pixels of the samples of the error surface."""
     equalisation: Equalisation = Equalisation.NORMALISED
@@ -47,9 +47,9 @@ class Settings:
     strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 12
-    bias_px: float = 0.03
+    bias_px: float = 0.025
     """What interpolation and the shape of the window leave as error of a match whatever the noise."""
-    noise_factor: float = 1.3
+    noise_factor: float = 0.9
     """By how much the deviation of a match exceeds what (2.11) says."""
     drift: float = 0.005
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
@@ -57,8 +57,8 @@ class Settings:
     """Standard deviations beyond which a prediction and a measurement are two surfaces."""
     reach_px: float = 1.0
     """… and pixels of disparity beyond which they are, however uncertain."""
-    start_depth: float | None = None
-    """Depth assumed of every pixel before the first pair, m; None assumes nothing."""
+    start_depth: float = 12.0
+    """Depth that the literal preset assumes of every pixel at first, m."""
     start_std: float = 0.5
     """Its standard deviation, as a part of its inverse depth."""
 
@@ -79,7 +79,6 @@ THESIS = Settings(
     levels=3,
     strength=4.0,
     membrane_iterations=20,
-    start_depth=12.0,
     bias_px=0.0,
     drift=0.0,
 )

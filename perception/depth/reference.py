@@ -1,0 +1,36 @@
+"""Ground truth from files: depth or disparity pictures, or arrays."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.errors import ConfigError
+
+Field = NDArray[np.float32]
+
+
+def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | None) -> Field:
+    """The true inverse depth in 1/m, NaN where it is unknown (0 in the file).
+
+    Args:
+        path: a picture of one channel or a .npy array.
+        scale: the file's value of one metre, or of one pixel of disparity.
+        pixels_per_inverse_metre: focal length × baseline when the file holds disparities, None when depths.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    if path.suffix == ".npy":
+        try:
+            raw = np.load(path, allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"{path}: cannot be read as an array ({error})") from error
+    else:
+        raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if raw is None or raw.ndim != 2:
+        raise ConfigError(f"{path}: no picture of one channel")
+    value = np.where(np.isfinite(raw) & (raw > 0), raw / scale, np.nan)
+    inverse = 1 / value if pixels_per_inverse_metre is None else value / pixels_per_inverse_metre
+    return np.asarray(inverse, np.float32)
