@@ -3,7 +3,6 @@
 import asyncio
 import json
 import logging
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from medusa.errors import CommandError, ConfigError, DeviceFault
 from medusa.homing_mark import axis_digest
 from medusa.mc3000 import Inputs, Mode, Register
 from medusa.mc3000.registers import MOTOR_COMMAND_ZERO
+from medusa.replace_file import replace_file
 
 if TYPE_CHECKING:
     from medusa.head import Head
@@ -28,17 +28,21 @@ ENOUGH_COUNTS = 10
 
 
 class CheckRecord:
-    """Which joints passed `check` with which configuration, kept beside the configuration file."""
+    """Which joints passed `check` with which configuration on which port, kept beside the configuration file.
 
-    def __init__(self, path: Path | None, digests: Mapping[str, str]) -> None:
+    The port belongs to it: what the emulated head passed says nothing about the real one.
+    """
+
+    def __init__(self, path: Path | None, port: str, digests: Mapping[str, str]) -> None:
         self._path = path
+        self._port = port
         self._digests = dict(digests)
 
     @classmethod
-    def of(cls, config: HeadConfig) -> Self:
+    def of(cls, config: HeadConfig, port: str) -> Self:
         """The record beside the configuration's file; a configuration made in the program has none."""
         if config.file is None:
-            return cls(None, {})
+            return cls(None, port, {})
         path = Path(config.file).with_suffix(".checked.json")
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
@@ -48,35 +52,26 @@ class CheckRecord:
             raise ConfigError(str(path), "", None, f"the record of checks cannot be read: {error}") from None
         if not isinstance(stored, dict):
             raise ConfigError(str(path), "", None, "the record of checks is not a JSON object")
-        return cls(path, {str(name): str(digest) for name, digest in stored.items()})
+        return cls(path, port, {str(name): str(digest) for name, digest in stored.items()})
 
     def holds(self, name: str, config: HeadConfig) -> bool:
-        """True when the joint was checked with exactly this configuration.
+        """True when the joint was checked on this port with exactly this configuration.
 
         A head described by no file is the simulated one: its wiring is known and cannot have changed.
         """
-        return self._path is None or self._digests.get(name) == axis_digest(name, config.axis(name))
+        return self._path is None or self._digests.get(self._key(name)) == axis_digest(
+            name, config.axis(name)
+        )
+
+    def _key(self, name: str) -> str:
+        return f"{name} on {self._port}"
 
     def note(self, name: str, config: HeadConfig) -> None:
         """Record that the joint passed; the file is replaced whole or not at all."""
         if self._path is None:
             return
-        self._digests[name] = axis_digest(name, config.axis(name))
+        self._digests[self._key(name)] = axis_digest(name, config.axis(name))
         replace_file(self._path, json.dumps(self._digests, indent=1, sort_keys=True) + "\n")
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Write a file beside the old one and put it in its place; a full disk leaves the old one whole."""
-    new = path.with_name(path.name + ".new")
-    try:
-        with new.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-    except OSError as error:
-        new.unlink(missing_ok=True)
-        raise ConfigError(str(path), "", None, f"could not be written: {error.strerror}") from None
 
 
 @dataclass(frozen=True)
@@ -123,7 +118,7 @@ async def check_axis(head: "Head", name: str) -> CheckResult:
                 )
     finally:
         await complete(head.disable([name]))
-    CheckRecord.of(head.config).note(name, head.config)
+    CheckRecord.of(head.config, head.port_name).note(name, head.config)
     log.info("%s: checked, %d and %d counts", name, forward, backward)
     return CheckResult(name, size, forward, backward)
 

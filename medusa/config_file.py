@@ -11,10 +11,10 @@ import msgspec
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from medusa.check import replace_file
 from medusa.config import HeadConfig
 from medusa.config_limits import check_limits
 from medusa.errors import ConfigError
+from medusa.replace_file import replace_file
 
 DEFAULT_FILE = "medusa.toml"
 

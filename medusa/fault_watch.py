@@ -7,11 +7,15 @@ from collections.abc import Callable, Mapping
 from medusa.axis import Axis
 from medusa.errors import DeviceRestarted, MedusaError
 from medusa.faults import Fault, FaultHub, FaultKind, fault_from_event
+from medusa.homing_mark import NO_MARK
 from medusa.mc3000 import Board, BoardEvent
 from medusa.servo_amp import Amplifier
 from medusa.stopping import Stopping
 
 log = logging.getLogger(__name__)
+
+VOIDS_HOMING = frozenset({FaultKind.LIMIT, FaultKind.FOLLOWING, FaultKind.STALLED})
+"""Within the soft limits no joint meets a switch or loses its command, unless its count is wrong."""
 
 
 class FaultWatch:
@@ -79,6 +83,9 @@ class FaultWatch:
     def _react(self, fault: Fault) -> None:
         if not fault.stops_head:
             return
+        if fault.kind in VOIDS_HOMING:
+            for name in fault.axes:
+                self._axes[name].homed = False
         emergency = fault.kind is FaultKind.EMERGENCY_STOP
         if emergency and self.emergency:
             return
@@ -96,6 +103,9 @@ class FaultWatch:
                 await self._stopping.emergency_stop()
             else:
                 await self._stopping.stop()
+            if fault.kind in VOIDS_HOMING:
+                for axis in (self._axes[name] for name in fault.axes):
+                    await axis.board.write_mark(axis.channel, NO_MARK)
         except MedusaError as error:
             log.error("%s", error)
             return str(error)

@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
+from typing import Literal
 
 from medusa.axis import Axis
 from medusa.completion import complete
@@ -12,7 +13,7 @@ from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.fault_watch import FaultWatch
 from medusa.faults import FaultHub
 from medusa.homing import HomingResult, home_head
-from medusa.homing_mark import NO_MARK, make_mark
+from medusa.homing_mark import NO_MARK, make_mark, name_of_port
 from medusa.joint import VELOCITY_MODES
 from medusa.link import Line, Trace
 from medusa.mc3000 import Board, Inputs, Mode, WatchdogAction
@@ -74,7 +75,7 @@ class Head:
         cls,
         config: HeadConfig,
         boards: str | None = None,
-        amps: str | None = None,
+        amps: str | Literal[False] | None = None,
         trace: Trace | None = None,
         *,
         port_name: str | None = None,
@@ -82,23 +83,25 @@ class Head:
     ) -> AsyncIterator["Head"]:
         """Connect to a head and leave it stopped, idle and with its bridges inhibited at the end.
 
-        Paths not given are the configuration's; without any for the amplifiers the head can be looked at, not
-        enabled. `port_name` stands for the boards' path in the homing marks (default: the path). Raises
-        PortError and what the link raises; at the end DeviceFault when the head cannot be confirmed at rest.
+        Paths not given are the configuration's; without any for the amplifiers, or with False, the head can be
+        looked at and stopped, not enabled. `port_name` stands for the boards' path in homing marks and in the
+        record of checks. Raises PortError and what the link raises; at the end DeviceFault when the head cannot
+        be confirmed at rest.
         """
         path = boards or config.ports.boards
         if path is None:
             raise CommandError("no port for the boards: give one, or set ports.boards in the configuration")
-        amps_path = amps or config.ports.amplifiers
+        name = port_name or name_of_port(path)
+        amps_path = config.ports.amplifiers if amps is None else amps or None
         baud = config.ports.baud
         async with Line(path, baud=baud, trace=trace, name="boards", seed=seed) as line:
             if amps_path is None:
-                head = cls(config, line, port_name=port_name or path)
+                head = cls(config, line, port_name=name)
                 async with head._connected():
                     yield head
                 return
             async with AmplifierLine(amps_path, baud=baud, trace=trace) as amplifiers:
-                head = cls(config, line, amplifiers, port_name=port_name or path)
+                head = cls(config, line, amplifiers, port_name=name)
                 async with head._connected():
                     yield head
 
@@ -319,13 +322,19 @@ class Head:
         return make_mark(self.port_name, name, axis.config, axis.board.boot_count)
 
     async def _recall_homing(self) -> None:
-        """Believe the marks that the boards carry, unless an amplifier lost its feedback."""
+        """Believe the marks that the boards carry, unless an amplifier lost its feedback or is not heard."""
         for name, axis in self.axes.items():
+            axis.homed = False
             mark = await axis.board.read_mark(axis.channel)
-            if name in self.amplifiers and mark != NO_MARK:
+            if mark == NO_MARK or name not in self.amplifiers:
+                continue
+            try:
                 status = await self.amplifiers[name].status()
-                if FEEDBACK_ERROR in status.system_protection:
-                    log.warning("%s: its amplifier lost the feedback; homing is void", name)
-                    await axis.board.write_mark(axis.channel, NO_MARK)
-                    mark = NO_MARK
-            axis.homed = mark == self.mark(name) and name in self.amplifiers
+            except MedusaError as error:
+                log.warning("%s: whether it is homed is not known: %s", name, error)
+                continue
+            if FEEDBACK_ERROR in status.system_protection:
+                log.warning("%s: its amplifier lost the feedback; homing is void", name)
+                await axis.board.write_mark(axis.channel, NO_MARK)
+            else:
+                axis.homed = mark == self.mark(name)

@@ -42,10 +42,12 @@ class HomingResult:
 async def home_head(head: "Head", names: Iterable[str]) -> dict[str, HomingResult]:
     """Home joints in the configured groups; raises HomingError, the failed joint left disabled."""
     wanted = list(names)
-    unchecked = [name for name in wanted if not CheckRecord.of(head.config).holds(name, head.config)]
+    checked = CheckRecord.of(head.config, head.port_name)
+    unchecked = [name for name in wanted if not checked.holds(name, head.config)]
     if unchecked:
         raise CommandError(
-            f"{', '.join(unchecked)}: not checked since the configuration changed; run check first"
+            f"{', '.join(unchecked)}: not checked since the configuration changed (port {head.port_name});"
+            " run check first"
         )
     results: dict[str, HomingResult] = {}
     await head.enable(wanted)

@@ -1,6 +1,7 @@
 """The mark that says "homed" across processes: four bytes that only a homed axis of this machine carries."""
 
 import hashlib
+from os.path import abspath
 
 import msgspec
 
@@ -8,6 +9,11 @@ from medusa.config import AxisConfig
 from medusa.mc3000.registers import MARK_LENGTH
 
 NO_MARK = bytes(MARK_LENGTH)
+
+
+def name_of_port(path: str) -> str:
+    """The same name for a port however its path was typed."""
+    return abspath(path)
 
 
 def axis_digest(name: str, config: AxisConfig) -> str:

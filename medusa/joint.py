@@ -139,6 +139,8 @@ class Joint:
         self.velocity_changed()
 
     def _require(self, *modes: Mode) -> None:
+        if self.mode is Mode.IDLE:
+            raise CommandError(f"{self.name}: is idle; enable it first")
         if self.mode not in modes:
             wanted = " or ".join(mode.name.lower().replace("_", " ") for mode in modes)
             raise CommandError(f"{self.name}: is in mode {self.mode.name.lower()}, {wanted} is needed")

@@ -1,6 +1,7 @@
 """Stopping, confirmed: whoever stops the head knows that it stands, or which joint might not."""
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Collection, Coroutine, Mapping
 from typing import Any
@@ -64,10 +65,9 @@ class Stopping:
         failures = await self._on_every_board(self._stop_board)
         if failures:
             log.error("stop not confirmed (%s): emergency stop", _told(failures))
-            try:
+            with contextlib.suppress(MedusaError):
+                # Nobody can be told more than that the stop itself was not confirmed.
                 await self._line.emergency_stop()
-            except MedusaError as error:
-                log.error("emergency stop: %s", error)
             raise self._unconfirmed("stop", failures)
         log.info("stopped, confirmed")
 

@@ -5,7 +5,7 @@ import sys
 import typer
 
 from medusa.cli import calibrate, demo, design, machine, motion, servo, setup, track
-from medusa.cli.options import Options, globals_first
+from medusa.cli.options import Options, complain, globals_first
 
 app = typer.Typer(
     name="medusa-ctl",
@@ -26,7 +26,7 @@ def _medusa_ctl(
     sim: bool = typer.Option(False, "--sim", help="An emulated head in this process, in virtual time."),
     boards: str = typer.Option("", metavar="PORT", help="Serial port of the MC3000 boards."),
     amps: str = typer.Option("", metavar="PORT", help="Serial port of the servo amplifiers."),
-    config: str = typer.Option("", metavar="FILE", help="The head's configuration.  [default: medusa.toml]"),
+    config: str = typer.Option("", metavar="FILE", help="The head's configuration; else medusa.toml."),
     json: bool = typer.Option(False, "--json", help="One JSON document on stdout, all else on stderr."),
     trace: str = typer.Option("", metavar="FILE", help="Record what goes over the lines."),
     seed: int = typer.Option(0, min=0, help="With --sim: where the joints stand, boot counts, nonces."),
@@ -63,7 +63,9 @@ def main() -> None:
     except usage_error as error:
         told = getattr(error, "format_message", error.__str__)()
         if told:
-            print(f"medusa-ctl: {' '.join(told.split()).rstrip('.')}; see medusa-ctl --help", file=sys.stderr)
+            complain(
+                f"{' '.join(told.split()).rstrip('.')}; see medusa-ctl --help", 2, json="--json" in sys.argv
+            )
         else:
             app(args=["--help"], prog_name="medusa-ctl", standalone_mode=False)
         code = 2

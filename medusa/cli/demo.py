@@ -41,9 +41,9 @@ def demo(
 ) -> None:
     """Enable, home, move together to a handful of gaze directions, park; leave a table and a picture."""
     options: Options = context.obj
+    options.make_folder(out)
     document, film = run_demo(options, rate, dwell)
     try:
-        out.mkdir(parents=True, exist_ok=True)
         (out / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         if picture:
             from medusa.cli.demo_figure import draw_demo

@@ -132,7 +132,7 @@ def monitor(
     rate: float = typer.Option(10.0, min=0.1, max=100.0, help="Looks a second."),
     seconds: float = typer.Option(0.0, min=0.0, help="For how long; 0: until Ctrl-C."),
 ) -> None:
-    """A live table of the joints. With --json, the last look when it ends."""
+    """A live table of the joints. With --json, the last look when it ends, by Ctrl-C too."""
     options: Options = context.obj
 
     async def body() -> None:
@@ -142,14 +142,18 @@ def monitor(
         loop = asyncio.get_running_loop()
         rows: list[dict[str, Any]] = []
         async with options.head() as (head, _):
-            end = loop.time() + (seconds or math.inf)
+            began = loop.time()
+            end = began + (seconds or math.inf)
             console = Console(stderr=options.json)
             with Live(console=console, auto_refresh=False) as live:
                 async for snapshot in head.snapshots(rate):
-                    rows = joint_rows(snapshot)
-                    live.update(make_table(f"joints at {snapshot.time:.1f} s", rows), refresh=True)
+                    rows = options.so_far["joints"] = joint_rows(snapshot)
+                    title = f"joints, {snapshot.time - began:.1f} s after connecting"
+                    live.update(make_table(title, rows), refresh=True)
                     if loop.time() >= end:
                         break
+            if not console.is_terminal:
+                console.line()
         options.show({"joints": rows}, lambda: None)
 
     # A table that nobody has time to read is none: the simulated head runs on the wall clock here.

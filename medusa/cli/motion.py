@@ -103,7 +103,11 @@ def move(
             }
             for name in targets
         ]
-        document: dict[str, Any] = {"moved": rows, "skew_ms": round(1e3 * report.skew, 3)}
+        document: dict[str, Any] = {
+            "moved": rows,
+            "skew_ms": round(1e3 * report.skew, 3),
+            "starts_repeated_on": [f"{address:02X}H" for address in report.repeated],
+        }
         options.show(document, lambda: print_table("moved", rows))
 
     options.run(body)
@@ -119,20 +123,23 @@ def jog(
     options: Options = context.obj
 
     async def body() -> None:
+        from medusa.faults import HeadFault
+
         async with options.head(homed=True, joints=[axis]) as (head, _):
             _known(head, axis)
+            _check_speed(head, axis, speed)
             faults: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
             end = head.faults.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))
             try:
                 taken = await head.velocity({axis: math.radians(speed)})
                 options.say(f"{axis}: {math.degrees(taken[axis]):+.3f}°/s for {seconds:g} s")
-                done, _ = await asyncio.wait([faults], timeout=seconds)
+                await asyncio.wait([faults], timeout=seconds)
             finally:
                 end()
+            if faults.done():
+                raise HeadFault(faults.result(), await head.stopped_by_fault())
             await head.stop()
             snapshot = await head.snapshot()
-            if done:
-                raise faults.result().error()
         angle = math.degrees(snapshot.joints[axis].angle)
         options.show(
             {"axis": axis, "speed_deg_s": math.degrees(taken[axis]), "angle_deg": angle},
@@ -140,6 +147,19 @@ def jog(
         )
 
     options.run(body)
+
+
+def _check_speed(head: Any, name: str, speed_deg_s: float) -> None:
+    """Raise CommandError for a speed that the chip would round to standstill."""
+    from medusa.errors import CommandError
+    from medusa.mc3000 import Mode
+
+    axis = head.axes[name]
+    slowest = math.degrees(1 / (axis.config.counts_per_radian * axis.sample_period(Mode.INTEGRAL_VELOCITY)))
+    if 0 < abs(speed_deg_s) < slowest / 2:
+        raise CommandError(
+            f"{name}: {speed_deg_s:g}°/s is less than half a count a sample; the slowest is {slowest:.3f}°/s"
+        )
 
 
 def stop(context: typer.Context) -> None:
@@ -176,7 +196,7 @@ def _standing(
     async def body() -> None:
         if first is not None:
             await first(options)
-        async with options.head() as (head, _):
+        async with options.head(amplifiers=False) as (head, _):
             await getattr(head, what)()
         options.show({"confirmed": True}, lambda: print(said))
 

@@ -6,9 +6,9 @@ import json as json_module
 import logging
 import signal
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -44,6 +44,33 @@ def globals_first(arguments: Sequence[str]) -> list[str]:
     return front + rest
 
 
+def complain(message: str, code: int, *, json: bool, so_far: Mapping[str, Any] | None = None) -> None:
+    """What went wrong as one line on stderr; with `json` as the document on stdout, too."""
+    if json:
+        _print_json({**(so_far or {}), "error": message, "exit_code": code})
+    print(f"medusa-ctl: {message}", file=sys.stderr)
+
+
+def _print_json(document: Mapping[str, Any]) -> None:
+    print(json_module.dumps(document, indent=1, default=str))
+
+
+class Once(logging.Filter):
+    """Lets each text through once: a pulled cable is noticed in several places."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """True for what was not told yet."""
+        text = record.getMessage()
+        if text in self._told:
+            return False
+        self._told.add(text)
+        return True
+
+
 @dataclass(frozen=True)
 class Options:
     """The options before the command."""
@@ -57,6 +84,8 @@ class Options:
     seed: int = 0
     realtime: bool = False
     verbose: bool = False
+    so_far: dict[str, Any] = field(default_factory=dict)
+    """What a command had to show when it was interrupted; part of the JSON document then."""
 
     def run(self, body: Callable[[], Coroutine[Any, Any, T]], *, realtime: bool = False) -> T:
         """Run a command's coroutine on the right clock; every expected error becomes one line and an exit
@@ -64,10 +93,12 @@ class Options:
 
         SIGINT and SIGTERM cancel it, so that the head is stopped and the stop confirmed on the way out.
         """
+        told = logging.StreamHandler(sys.stderr)
+        told.addFilter(Once())
         logging.basicConfig(
             level=logging.INFO if self.verbose else logging.WARNING,
             format="%(levelname)s %(message)s",
-            stream=sys.stderr,
+            handlers=[told],
         )
         from medusa.errors import MedusaError
         from perception.camera.errors import CameraError
@@ -94,10 +125,15 @@ class Options:
 
     def fail(self, message: str, code: int) -> NoReturn:
         """One line on stderr (and the JSON document, where one is due), and the end."""
-        if self.json:
-            print(json_module.dumps({"error": message, "exit_code": code}))
-        print(f"medusa-ctl: {message}", file=sys.stderr)
+        complain(message, code, json=self.json, so_far=self.so_far)
         raise typer.Exit(code)
+
+    def make_folder(self, path: Path) -> None:
+        """Make the folder for results: before anything moves, since afterwards it would be too late."""
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            self.fail(f"{path}: {error.strerror}", _EXIT_CODES["port"])
 
     def say(self, message: str) -> None:
         """A line of progress on stderr."""
@@ -106,7 +142,7 @@ class Options:
     def show(self, document: dict[str, Any], render: Callable[[], None]) -> None:
         """The result: the JSON document, or what `render` prints."""
         if self.json:
-            print(json_module.dumps(document, indent=1, default=str))
+            _print_json(document)
         else:
             render()
 
@@ -143,14 +179,16 @@ class Options:
         homed: bool = False,
         joints: Collection[str] | None = None,
         enable: bool = False,
+        amplifiers: bool = True,
         world: Any = None,
     ) -> AsyncIterator["tuple[Head, SimulatedHead | None]"]:
         """The head, emulated or real, connected and at rest; enabled, or homed, when the command needs that.
 
         `joints`: those that the command moves (default: all). An emulated head has just been switched on: it is
         homed first, and that is said. A real one is never homed behind one's back. Raises CommandError then.
+        Without `amplifiers` a real head's are left alone: neither their port nor their answers are needed.
         """
-        from medusa.errors import CommandError
+        from medusa.errors import CommandError, NoReply
         from medusa.head import Head
 
         if self.sim and (self.boards or self.amps):
@@ -169,7 +207,13 @@ class Options:
             else:
                 if config is None:
                     raise AssertionError("a real head has a configuration")
-                head = await stack.enter_async_context(Head.open(config, self.boards, self.amps, trace))
+                opening = Head.open(config, self.boards, self.amps if amplifiers else False, trace)
+                try:
+                    head = await stack.enter_async_context(opening)
+                except NoReply as error:
+                    port = self.boards or config.ports.boards
+                    error.add_note(f"is it on, and is {port} its port, at {config.ports.baud} baud?")
+                    raise
             if homed and self.sim:
                 self.say("simulated head, just switched on: homing it first")
                 await head.home()

@@ -73,8 +73,8 @@ def identify(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.check import replace_file
         from medusa.identify import Excitation, identify_axis
+        from medusa.replace_file import replace_file
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
         async with options.head(homed=True) as (head, _):

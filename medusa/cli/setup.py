@@ -20,14 +20,14 @@ def init(
     """Write a commented configuration, its hazardous keys empty; with --sim, filled in for the emulated head."""
     options: Options = context.obj
 
-    if file.exists() and not force:
-        options.fail(f"{file} exists; --force replaces it", 2)
-
     async def body() -> None:
-        from medusa.check import replace_file
         from medusa.config_file import template
         from medusa.config_simulated import simulated_toml
+        from medusa.errors import CommandError
+        from medusa.replace_file import replace_file
 
+        if file.exists() and not force:
+            raise CommandError(f"{file} exists; --force replaces it")
         replace_file(file, simulated_toml() if options.sim else template())
         options.say(f"wrote {file}" + ("" if options.sim else "; fill in the keys that are empty"))
         options.show({"file": str(file)}, lambda: None)

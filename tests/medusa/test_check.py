@@ -87,19 +87,30 @@ async def test_home_refuses_what_was_not_checked_with_this_configuration(
 
 def test_the_record_lies_beside_the_configuration(config_path: Path) -> None:
     config = load_config(config_path)
-    record = CheckRecord.of(config)
+    record = CheckRecord.of(config, "/dev/ttyUSB0")
     assert not record.holds("pan", config)
     record.note("pan", config)
-    assert CheckRecord.of(config).holds("pan", config)
-    assert not CheckRecord.of(config).holds("tilt", config)
-    assert list(json.loads((config_path.parent / "head.checked.json").read_text())) == ["pan"]
+    again = CheckRecord.of(config, "/dev/ttyUSB0")
+    assert again.holds("pan", config)
+    assert not again.holds("tilt", config)
+    stored = json.loads((config_path.parent / "head.checked.json").read_text())
+    assert list(stored) == ["pan on /dev/ttyUSB0"]
+
+
+def test_what_the_emulated_head_passed_does_not_count_for_the_real_one(config_path: Path) -> None:
+    config = load_config(config_path)
+    CheckRecord.of(config, "simulated").note("pan", config)
+    assert CheckRecord.of(config, "simulated").holds("pan", config)
+    assert not CheckRecord.of(config, "/dev/ttyUSB0").holds("pan", config)
+    CheckRecord.of(config, "/dev/ttyUSB0").note("pan", config)
+    assert CheckRecord.of(config, "simulated").holds("pan", config)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "\x00"])
 def test_a_spoilt_record_is_one_line(config_path: Path, text: str) -> None:
     (config_path.parent / "head.checked.json").write_text(text)
     with pytest.raises(ConfigError, match=r"head\.checked\.json: the record of checks"):
-        CheckRecord.of(load_config(config_path))
+        CheckRecord.of(load_config(config_path), "/dev/ttyUSB0")
 
 
 async def test_a_host_that_dies_in_a_pulse_leaves_the_watchdog_to_end_it(sim: SimulatedHead) -> None:

@@ -60,6 +60,13 @@ def assert_standing(sim: SimulatedHead, *, idle: tuple[str, ...]) -> None:
             assert abs(joint["motor_command"]) <= 1
 
 
+async def assert_homing_void(sim: SimulatedHead, head: Head, name: str) -> None:
+    """Neither this host nor a later one believes the count of a joint that may have lost it."""
+    assert {other for other, axis in head.axes.items() if not axis.homed} == {name}
+    axis = head.axes[name]
+    assert await axis.board.read_mark(axis.channel) == bytes(4)
+
+
 async def test_amplifier_fault(sim: SimulatedHead, head: Head) -> None:
     ended, faults = await fail(sim, head, "head.amplifier_fault", axis="tilt", fault="over_temperature")
     assert ended.cause.kind is FaultKind.AMPLIFIER
@@ -112,7 +119,7 @@ async def test_cable_pulled(sim: SimulatedHead, head: Head) -> None:
     await asyncio.sleep(5.0)
     assert sim.machine.joint_angles(asyncio.get_running_loop().time()) == before
     assert {joint.mode for joint in (await head.snapshot()).joints.values()} == {Mode.IDLE}
-    with pytest.raises(MedusaError, match="is in mode idle"):
+    with pytest.raises(MedusaError, match="pan: is idle; enable it first"):
         await head.move({"pan": 0.0})
     await head.enable()
     assert all(axis.homed for axis in head.axes.values())
@@ -140,6 +147,7 @@ async def test_encoder_lost(sim: SimulatedHead, head: Head) -> None:
     assert ended.cause.kind is FaultKind.FOLLOWING
     assert ended.axis == "left_vergence"
     assert_standing(sim, idle=("left_vergence",))
+    await assert_homing_void(sim, head, "left_vergence")
 
 
 async def test_limit_switch_reached(sim: SimulatedHead, head: Head) -> None:
@@ -147,6 +155,7 @@ async def test_limit_switch_reached(sim: SimulatedHead, head: Head) -> None:
     assert ended.cause.kind is FaultKind.LIMIT
     assert "pan: positive limit switch reached at" in str(ended)
     assert_standing(sim, idle=("pan",))
+    await assert_homing_void(sim, head, "pan")
 
 
 async def test_a_host_that_is_not_heard_in_time(sim: SimulatedHead, head: Head) -> None:
@@ -173,7 +182,7 @@ async def test_a_power_cycled_amplifier(sim: SimulatedHead, head: Head) -> None:
     ended, _ = await fail(sim, head, "head.restart_amplifier", axis="pan")
     assert ended.cause.axes == ("pan",)
     assert_standing(sim, idle=("pan",))
-    await head.enable()
+    await head.home(["pan"])
     await head.move({"pan": 0.0})
 
 

@@ -99,7 +99,7 @@ async def test_targets_out_of_reach_and_joints_not_homed_are_refused_before_anyt
         await head.home(["pan"])
         with pytest.raises(CommandError, match=r"pan: 120\.00° is outside the soft limits"):
             await saccade(head, {"pan": math.radians(120)})
-        with pytest.raises(CommandError, match=r"tilt: is (in mode idle|not homed)"):
+        with pytest.raises(CommandError, match=r"tilt: is (idle; enable it first|not homed)"):
             await saccade(head, {"pan": 0.1, "tilt": 0.0})
         with pytest.raises(CommandError, match="no joint 'neck'"):
             plan_saccade(head.axes, {"neck": 0.0}, await head.snapshot())

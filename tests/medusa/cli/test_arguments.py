@@ -30,6 +30,11 @@ Ctl = Callable[..., Any]
         ),
         (["--sim", "move", "--pan", "nan"], 2, r"pan: .*nan"),
         (["--sim", "jog", "pan", "9999"], 2, r"pan: a speed of 9999\.0°/s is over the limit of 180°/s"),
+        (
+            ["--sim", "jog", "pan", "0.5"],
+            2,
+            r"pan: 0\.5°/s is less than half a count .* slowest is 1\.758°/s",
+        ),
         (["--sim", "jog", "nose", "3"], 2, r"no joint 'nose'; the head has pan, tilt"),
         (["--sim", "home", "nose"], 2, r"no joint 'nose'"),
         (["--sim", "check", "nose"], 2, r"no joint 'nose'"),
@@ -56,10 +61,25 @@ def test_a_wrong_line_is_refused_in_one_line(
     assert ended.out == ""
 
 
-def test_with_json_the_error_is_the_document(ctl: Ctl) -> None:
-    ended = ctl("--sim", "--json", "move", "--pan", "200")
-    assert ended.json["exit_code"] == ended.code == 2
-    assert "soft limits" in ended.json["error"]
+@pytest.mark.parametrize(
+    ("arguments", "code", "complaint"),
+    [
+        (["--sim", "move", "--pan", "200"], 2, "soft limits"),
+        (["--sim", "move"], 2, "nowhere to move"),
+        (["--sim", "frob"], 2, "No such command"),
+        (["--sim", "move", "--pan", "left"], 2, "'--pan'"),
+        (["status"], 3, "does not exist"),
+        (["--sim", "--trace", "/no/such/place", "status"], 4, "No such file"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_with_json_the_error_is_the_document(
+    ctl: Ctl, arguments: list[str], code: int, complaint: str
+) -> None:
+    ended = ctl("--json", *arguments)
+    assert ended.json["exit_code"] == ended.code == code
+    assert complaint in ended.json["error"]
+    assert ended.json["error"] == ended.complaint
 
 
 @pytest.fixture
@@ -80,6 +100,38 @@ def test_init_does_not_replace_a_file(ctl: Ctl, head_file: Path) -> None:
     ended = ctl("init", "head.toml")
     assert (ended.code, head_file.read_text()) == (2, before)
     assert "--force" in ended.complaint
+
+
+def test_init_replaces_a_file_but_never_a_folder_or_a_device(
+    ctl: Ctl, head_file: Path, tmp_path: Path
+) -> None:
+    link = tmp_path / "link.toml"
+    link.symlink_to("head.toml")
+    head_file.chmod(0o600)
+    assert ctl("init", "link.toml", "--force").code == 0
+    assert link.is_symlink()
+    assert 'counts_per_degree = ""' in head_file.read_text()
+    assert head_file.stat().st_mode & 0o777 == 0o600
+    device = tmp_path / "device.toml"
+    device.symlink_to("/dev/full")
+    for path in ("device.toml", ".", "/"):
+        ended = ctl("init", path, "--force")
+        assert (ended.code, ended.complaint) == (3, f"{path}: is no regular file; it is not replaced")
+
+
+def test_a_full_disk_ends_the_trace_but_not_the_command(ctl: Ctl, caplog: pytest.LogCaptureFixture) -> None:
+    ended = ctl("--sim", "--json", "--trace", "/dev/full", "status")
+    assert ended.code == 0
+    assert len(ended.json["joints"]) == 4
+    assert [record.getMessage() for record in caplog.records] == [
+        "/dev/full: No space left on device; the trace ends here"
+    ]
+
+
+def test_the_demo_makes_its_folder_before_anything_moves(ctl: Ctl) -> None:
+    ended = ctl("--sim", "demo", "--out", "/dev/null/here")
+    assert (ended.code, ended.complaint) == (4, "/dev/null/here: Not a directory")
+    assert "home" not in ended.err
 
 
 @pytest.mark.parametrize(

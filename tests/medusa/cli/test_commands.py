@@ -159,7 +159,7 @@ def test_a_signal_stops_the_head_and_the_stop_is_confirmed(number: signal.Signal
     trace = tmp_path / "wire.txt"
     program = [sys.executable, "-c", "from medusa.cli import main; main()"]
     jogging = subprocess.Popen(
-        [*program, "--sim", "--trace", str(trace), "jog", "pan", "0.05", "--seconds", "600"],
+        [*program, "--sim", "--trace", str(trace), "jog", "pan", "0", "--seconds", "600"],
         stderr=subprocess.PIPE,
         text=True,
     )

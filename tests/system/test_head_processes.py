@@ -1,0 +1,158 @@
+"""medusa-ctl and the emulators as processes of their own: signals, violent ends, and how one goes on after them."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from medusa.config_simulated import simulated_toml
+
+BIN = Path(sys.executable).parent
+pytestmark = pytest.mark.real_time
+
+
+@dataclass
+class Bench:
+    """A served head and a configuration for it, in a folder of their own."""
+
+    folder: Path
+    served: list["subprocess.Popen[str]"] = field(default_factory=list)
+
+    def serve(self) -> None:
+        process = subprocess.Popen(
+            [BIN / "sim-devices", "run", "--config", "bench.toml"],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.served.append(process)
+        assert process.stdout is not None
+        assert any(line.strip() == "ready" for line in iter(process.stdout.readline, ""))
+
+    def unplug(self) -> None:
+        """Switch everything off at once: the ports hang up."""
+        for process in self.served:
+            process.kill()
+            process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+        self.served.clear()
+
+    def run(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [BIN / "medusa-ctl", *arguments], cwd=self.folder, capture_output=True, text=True, timeout=60
+        )
+
+    def start_jog(self) -> "subprocess.Popen[str]":
+        """A host that jogs pan, slowly and for long; it has begun."""
+        jogging = subprocess.Popen(
+            [BIN / "medusa-ctl", "jog", "pan", "2", "--seconds", "40"],
+            cwd=self.folder,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert jogging.stderr is not None
+        assert re.match(r"pan: \+1\.\d+°/s for 40 s", jogging.stderr.readline())
+        return jogging
+
+    def pan(self) -> dict[str, Any]:
+        told = subprocess.run(
+            [BIN / "sim-devices", "inspect"], cwd=self.folder, capture_output=True, check=True, timeout=30
+        )
+        pan: dict[str, Any] = json.loads(told.stdout)["head"]["joints"]["pan"]
+        return pan
+
+    def pan_when(self, reached: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        deadline = time.monotonic() + 20
+        pan = self.pan()
+        while not reached(pan) and time.monotonic() < deadline:
+            pan = self.pan()
+        return pan
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Pan checked and homed by a process that has ended."""
+    folder = tmp_path_factory.mktemp("head")
+    (folder / "bench.toml").write_text("[head.start_deg]\npan = -22.5\n")
+    config = simulated_toml().replace('# boards = "/dev/ttyUSB0"', 'boards = "sim/mc3000"')
+    config = config.replace('# amplifiers = "/dev/ttyUSB1"', 'amplifiers = "sim/servo-amps"')
+    # Still longer than the board's watchdog of 400 ms and the longest ramp of 207 ms.
+    config = config.replace("amplifier_watchdog_ms = 3000", "amplifier_watchdog_ms = 1000")
+    (folder / "medusa.toml").write_text(config)
+    bench = Bench(folder)
+    bench.serve()
+    try:
+        for command in ("check", "home"):
+            ended = bench.run(command, "pan")
+            assert ended.returncode == 0, ended.stderr
+        yield bench
+    finally:
+        bench.unplug()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_a_jog_and_what_it_says_is_true(bench: Bench, number: signal.Signals) -> None:
+    jogging = bench.start_jog()
+    jogging.send_signal(number)
+    _, told = jogging.communicate(timeout=60)
+    assert jogging.returncode == 128 + number
+    assert told == f"medusa-ctl: stopped by {number.name}; the head is at rest\n"
+    pan = bench.pan()
+    assert (pan["mode"], pan["motor_command"], pan["bridge"]) == (0, 0, "inhibited")
+    assert pan["velocity"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_what_a_killed_host_leaves_is_cleared_and_the_joint_is_still_homed(bench: Bench) -> None:
+    jogging = bench.start_jog()
+    os.kill(jogging.pid, signal.SIGKILL)
+    jogging.communicate()
+    # The board's watchdog, then the amplifier's own: a fault, latched.
+    assert bench.pan_when(lambda pan: pan["bridge"] == "inhibited")["faults"] == ["COMMUNICATION_ERROR"]
+    refused = bench.run("move", "--pan", "0")
+    assert refused.returncode == 2
+    assert refused.stderr == "medusa-ctl: pan: an amplifier fault is latched; clear it first\n"
+    cleared = bench.run("clear")
+    assert (cleared.returncode, cleared.stdout) == (0, "nothing is latched\n")
+    moved = bench.run("--json", "move", "--pan", "0")
+    assert moved.returncode == 0, moved.stderr
+    # The dead band of the servo loop: a few counts of 0.0036°.
+    assert json.loads(moved.stdout)["moved"][0]["angle_deg"] == pytest.approx(0.0, abs=0.03)
+
+
+def test_the_head_is_stopped_without_its_amplifiers(bench: Bench) -> None:
+    refused = bench.run("--amps", "nowhere", "status")
+    assert (refused.returncode, refused.stderr) == (4, "medusa-ctl: nowhere: no such port\n")
+    for command, said in (
+        ("stop", "every joint stands"),
+        ("estop", "emergency stop latched, every joint idle"),
+    ):
+        ended = bench.run("--amps", "nowhere", command)
+        assert (ended.returncode, ended.stdout) == (0, f"{said}\n")
+    assert bench.run("clear").stdout == "nothing is latched\n"
+
+
+def test_pulling_everything_ends_a_jog_with_its_name_and_homing_with_it(bench: Bench) -> None:
+    jogging = bench.start_jog()
+    bench.unplug()
+    _, told = jogging.communicate(timeout=60)
+    assert jogging.returncode == 6
+    assert "Traceback" not in told
+    assert "line lost: sim/mc3000: the port has vanished" in told.splitlines()[-1]
+    gone = bench.run("status")
+    assert (gone.returncode, gone.stderr) == (4, "medusa-ctl: sim/mc3000: no such port\n")
+    bench.serve()
+    refused = bench.run("move", "--pan", "0")
+    assert refused.returncode == 2
+    assert refused.stderr == "medusa-ctl: pan: not homed; run `medusa-ctl home` first\n"
+    # Checked it still is; whoever comes next finds it homed.
+    assert bench.run("home", "pan").returncode == 0
