@@ -23,6 +23,7 @@ from labmate.motion import (
     MotionReport,
     bumpers_in_words,
     check_drive,
+    check_free_way,
     stop_seconds,
 )
 from labmate.odometry import OdometryNoise, Pose, WheelGeometry
@@ -161,7 +162,12 @@ class Base:
         self.connection.require_ready()
         if self._steering is not steering:
             raise CommandError("somebody else steers the base")
-        await self.connection.request(m.DRIVE, m.Drive(speed, turn_rate, valid).encode(), moves=True)
+        try:
+            await self.connection.request(m.DRIVE, m.Drive(speed, turn_rate, valid).encode(), moves=True)
+        except CommandError as error:
+            if error.status in (8, 9):
+                check_free_way("DRIVE", (await self.snapshot()).flags, speed, turn_rate)
+            raise
 
     def steer(self, hold: float = 0.5) -> Steering:
         """Keep a DRIVE alive while the calling task lives, each command for at most `hold` s."""

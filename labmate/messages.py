@@ -161,7 +161,7 @@ class Layout:
             if low <= counts <= high:
                 return counts
         raise CommandError(
-            f"{self.message}: {field.name} {value:.6g} is outside {low * unit:.6g}…{high * unit:.6g}"
+            f"{self.message}: {field.name} {value:.6g} is outside {low * unit:.6g}…{high * unit:.6g} (SI units)"
         )
 
 

@@ -126,6 +126,22 @@ def check_drive(limits: Limits, speed: float, turn_rate: float, valid: float) ->
         )
 
 
+def check_free_way(kind: Kind | Literal["DRIVE"], flags: Flags, forward: float, turning: float) -> None:
+    """Raise CommandError, in words, for a motion that the base refuses by a latched stop or a pressed bumper.
+
+    `forward` (m or m/s) and `turning` (rad or rad/s) count by their signs: away from a bumper is allowed.
+    """
+    if flags & Flags.EMERGENCY_STOP:
+        raise CommandError(f"{kind}: the emergency stop is latched; clear it first", status=9)
+    if flags & Flags.STALLED:
+        raise CommandError(f"{kind}: the wheels stalled; clear it first", status=8)
+    touching = pressed(flags)
+    ahead = Bumper.FRONT if forward > 0.0 else Bumper.REAR if forward < 0.0 else Bumper(0)
+    blocked = touching if turning != 0.0 else touching & ahead
+    if blocked:
+        raise CommandError(f"{kind}: the {bumpers_in_words(blocked)} bumper is pressed", status=8)
+
+
 def stop_seconds(limits: Limits) -> float:
     """Longest ramp to a stop within the limits, s."""
     return max(limits.speed / limits.acceleration, limits.turn_rate / limits.turn_acceleration)

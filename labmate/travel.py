@@ -9,7 +9,7 @@ from labmate import messages as m
 from labmate.connection import Connection
 from labmate.errors import BatteryLow, MotionStopped, out_of_reach
 from labmate.messages import BaseEvent, Bumper, Ending, Flags, Mode
-from labmate.motion import BaseSnapshot, Kind, MotionReport, bumpers_in_words, pressed, travelled
+from labmate.motion import BaseSnapshot, Kind, MotionReport, check_free_way, travelled
 from labmate.odometry import Pose
 from labmate.readings import Readings, later
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply, PortError, ProtocolError
@@ -31,6 +31,7 @@ class Travel:
         self.commanded = commanded
         self.may_move = False
         """Whether the base was told to move: from the first byte of the command to its reported end."""
+        self._direction = (commanded, 0.0) if kind == "GO" else (0.0, commanded)
         self._operation = m.GO if kind == "GO" else m.TURN
         self._payload = m.Go(commanded).encode() if kind == "GO" else m.Turn(commanded).encode()
         self._connection = connection
@@ -83,8 +84,7 @@ class Travel:
 
     def _refuse(self, start: BaseSnapshot) -> None:
         """Say in words what the base would answer with a number."""
-        if start.flags & Flags.EMERGENCY_STOP:
-            raise CommandError(f"{self.kind}: the emergency stop is latched; clear it first", status=9)
+        check_free_way(self.kind, start.flags, *self._direction)
         if start.mode is not Mode.IDLE:
             raise CommandError(
                 f"{self.kind}: the base is in mode {start.mode.name}, it must be idle", status=11
@@ -100,9 +100,9 @@ class Travel:
             await self._connection.request(self._operation, self._payload, moves=True)
         except CommandError as error:
             self.may_move = False
-            if error.status == 8:
-                touching = bumpers_in_words(pressed((await self._readings.snapshot()).flags))
-                raise CommandError(f"{self.kind}: the {touching} bumper is pressed", status=8) from error
+            if error.status in (8, 9):
+                # Pressed or latched since the last reading.
+                check_free_way(self.kind, (await self._readings.snapshot()).flags, *self._direction)
             raise
 
     async def _await_end(self) -> BaseEvent:

@@ -48,10 +48,11 @@ def drive(
     options: Options = context.obj
 
     async def body() -> BaseSnapshot:
-        from labmate.motion import MAX_VALID, check_drive
+        from labmate.motion import MAX_VALID, check_drive, check_free_way
 
         async with options.base() as (base, _):
             check_drive(base.limits, speed, radians(turn_rate), MAX_VALID)
+            check_free_way("DRIVE", (await base.snapshot()).flags, speed, radians(turn_rate))
             loop = asyncio.get_running_loop()
             end = loop.time() + seconds
             async with base.steer() as steering:

@@ -45,14 +45,14 @@ def snapshot_document(snapshot: BaseSnapshot) -> dict[str, Any]:
     from math import degrees, sqrt
 
     from labmate.messages import Flags
-    from labmate.motion import bumpers_in_words, pressed
+    from labmate.motion import pressed
     from labmate.square_report import pose_in_words
 
     spread = snapshot.covariance
     return {
         "mode": snapshot.mode.name.lower(),
         "moving": bool(snapshot.flags & Flags.MOVING),
-        "bumpers": bumpers_in_words(pressed(snapshot.flags)) or "none",
+        "bumpers": [side.name.lower() for side in pressed(snapshot.flags) if side.name],
         "emergency_stop": bool(snapshot.flags & Flags.EMERGENCY_STOP),
         "motor_power": bool(snapshot.flags & Flags.MOTOR_POWER),
         "stalled": bool(snapshot.flags & Flags.STALLED),

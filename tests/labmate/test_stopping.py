@@ -175,6 +175,13 @@ async def test_a_stall_is_told(base: Base, sim: SimulatedBase) -> None:
     assert (await base.snapshot()).flags & Flags.STALLED
     sim.bench.inject("base.hold_wheels", held=False)
     await assert_it_stays(sim)
+    with pytest.raises(CommandError, match="GO: the wheels stalled; clear it first") as refused:
+        await base.go(0.1)
+    assert refused.value.status == 8
+    with pytest.raises(CommandError, match="DRIVE: the wheels stalled; clear it first"):
+        await base.drive(0.1, 0.0)
+    await base.clear()
+    assert (await base.go(0.1)).ending is Ending.REACHED
 
 
 async def test_the_watchdog_stops_a_go_that_the_host_no_longer_feeds(base: Base, sim: SimulatedBase) -> None:
