@@ -18,6 +18,7 @@ from msgspec import Meta
 from labmate.calibration import Calibration
 from labmate.messages import Limits
 from labmate.odometry import OdometryNoise
+from labmate.replace_file import replace_file
 from medusa.errors import ConfigError
 
 T = TypeVar("T")
@@ -176,10 +177,7 @@ def write_calibration(
     nominal.add("counts_per_metre", counts_per_metre)
     document.add("calibration", found)
     document.add("nominal", nominal)
-    try:
-        path.write_text(tomlkit.dumps(document), encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(str(path), "", None, f"cannot be written: {error.strerror}") from error
+    replace_file(path, tomlkit.dumps(document))
 
 
 def template(filled: Mapping[str, float] | None = None) -> str:

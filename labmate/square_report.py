@@ -6,10 +6,12 @@ import json
 from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from labmate.calibration import DIRECTIONS, Calibration, Direction
 from labmate.odometry import Pose, WheelGeometry
+from labmate.replace_file import replace_file
 from labmate.square import SquareResult, SquareRun, true_end
 from medusa.errors import ConfigError
 
@@ -82,7 +84,7 @@ def write_record(path: Path, runs: Sequence[SquareRun], nominal: WheelGeometry) 
             for run in runs
         ],
     }
-    write_text(path, json.dumps(document) + "\n")
+    replace_file(path, json.dumps(document) + "\n")
 
 
 def read_record(path: Path) -> tuple[list[SquareRun], WheelGeometry]:
@@ -111,13 +113,14 @@ def read_record(path: Path) -> tuple[list[SquareRun], WheelGeometry]:
     return runs, geometry
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a whole file, its directory included; raises ConfigError."""
+def require_writable(directory: Path) -> None:
+    """Make a directory that a run will write into, before anything has been driven; raises ConfigError."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        directory.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=directory):
+            pass
     except OSError as error:
-        raise ConfigError(str(path), "", None, f"cannot be written: {error.strerror}") from error
+        raise ConfigError(str(directory), "", None, f"cannot be written: {error.strerror}") from error
 
 
 def _direction(name: str) -> Direction:
@@ -145,7 +148,7 @@ def draw(path: Path, result: SquareResult) -> None:
         )
         _plot(ax, run.path(result.nominal), _ODOMETRY, "odometry", linestyle="--", linewidth=1.2)
         ax.plot(0.0, 0.0, marker="o", color=_TRUE, markersize=6, linestyle="none")
-        ax.annotate("start", (0.0, 0.0), textcoords="offset points", xytext=(-34, 4))
+        ax.annotate("start", (0.0, 0.0), textcoords="offset points", xytext=(7, 6))
         ax.set_title(f"{names[run.direction]}: ends {closing:.0f} mm from where it believes")
         ax.set_xlabel("x (m)")
         ax.set_ylabel("y (m)")

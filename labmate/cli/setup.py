@@ -33,10 +33,10 @@ def init(
 
     async def body() -> None:
         from labmate.config import template
+        from labmate.replace_file import replace_file
         from labmate.simulation import SIM_VALUES
-        from labmate.square_report import write_text
 
-        write_text(path, template(SIM_VALUES if options.sim else None))
+        replace_file(path, template(SIM_VALUES if options.sim else None))
 
     options.run(body)
     filled = "filled for the emulated base" if options.sim else "now fill in its empty keys"

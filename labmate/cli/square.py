@@ -104,7 +104,10 @@ def calibrate(
 def _square_in_simulation(options: Options, side: float, out: Path, calibration: Path | None = None) -> None:
     async def body() -> tuple[SquareResult, WheelGeometry]:
         from labmate.square import run_experiment
+        from labmate.square_report import require_writable
 
+        for directory in (out, (calibration or out / "_").parent):
+            require_writable(directory)
         async with options.base() as (base, simulated):
             if simulated is None:
                 raise AssertionError("only --sim comes here")
@@ -118,6 +121,7 @@ def _square_in_simulation(options: Options, side: float, out: Path, calibration:
         import json
 
         from labmate.config import write_calibration
+        from labmate.replace_file import replace_file
         from labmate.square_report import (
             CALIBRATION_NAME,
             FIGURE_NAME,
@@ -125,7 +129,6 @@ def _square_in_simulation(options: Options, side: float, out: Path, calibration:
             draw,
             summary,
             write_record,
-            write_text,
         )
 
         kept = calibration or out / CALIBRATION_NAME
@@ -136,7 +139,7 @@ def _square_in_simulation(options: Options, side: float, out: Path, calibration:
         note = f"UMBmark in the emulator, one square of {side:g} m each way"
         write_calibration(kept, result.calibration, result.nominal.wheel_base, counts, note)
         document["files"] = [str(out / RECORD_NAME), str(out / FIGURE_NAME), str(kept)]
-        write_text(out / "summary.json", json.dumps(document, indent=1) + "\n")
+        replace_file(out / "summary.json", json.dumps(document, indent=1) + "\n")
         return document
 
     document = options.run(write)
@@ -147,8 +150,11 @@ def _square_on_the_floor(options: Options, side: float, direction: Direction, ou
     async def body() -> tuple[SquareRun, Pose]:
         from labmate.odometry import WheelGeometry
         from labmate.square import drive_square
-        from labmate.square_report import RECORD_NAME, read_record, write_record
+        from labmate.square_report import RECORD_NAME, read_record, require_writable, write_record
 
+        path = out / RECORD_NAME
+        require_writable(out)
+        earlier = read_record(path)[0] if path.exists() else []
         async with options.base() as (base, _):
             calibration = base.calibration
             with _progress(options, 8 if calibration is None else 9) as progress:
@@ -156,8 +162,6 @@ def _square_on_the_floor(options: Options, side: float, direction: Direction, ou
             nominal = WheelGeometry(base.hello.wheel_base, 1.0, base.hello.counts_per_metre)
             geometry = base.readings.geometry
         if calibration is None:
-            path = out / RECORD_NAME
-            earlier = read_record(path)[0] if path.exists() else []
             write_record(path, [*earlier, run], nominal)
         return run, run.path(geometry)[-1]
 
