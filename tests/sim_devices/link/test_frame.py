@@ -193,7 +193,7 @@ def test_of_100_000_mutated_frames_at_most_8_pass_and_those_are_whole():
     tried = 0
     accepted = []
 
-    @settings(max_examples=100, derandomize=True, deadline=None, database=None)
+    @settings(max_examples=110, derandomize=True, deadline=None, database=None)
     @given(st.integers(0, 2**32))
     def mutations(seed):
         nonlocal tried
@@ -213,7 +213,7 @@ def test_of_100_000_mutated_frames_at_most_8_pass_and_those_are_whole():
                     accepted.append((frame.hex(), received.hex()))
 
     mutations()
-    assert tried > 95_000
+    assert tried >= 100_000
     # By chance one in 65536 passes a CRC of 16 bits; a zero put before a message passes always (initial value 0).
     assert len(accepted) <= 8
 
