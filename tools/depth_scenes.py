@@ -242,3 +242,34 @@ def sea_bed(
     scene = Scene((relief,), waves(seed, 9.0 * 11 / focal / 2, 4.0), mean=70.0, contrast=contrast)
     poses = [place(0, -1.4 + 0.4 * i, 0) for i in range(frames)]
     return film("sea bed", scene, camera, size, poses, noise, lambda i: 1 + 0.2 * np.sin(1.7 * i), seed=seed)
+
+
+def stripes(frames: int = 8, turn: int = 4, noise: float = 1.0, size: tuple[int, int] = (160, 120)) -> Sequence:
+    """A wall of upright stripes with a board of level ones before it; the camera moves right, from `turn` on up."""
+    focal = size[0] * 1.0
+    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    rng = np.random.default_rng(5)
+    length = np.exp(rng.uniform(np.log(7.0 / focal * 1.5), np.log(0.3), 12))
+    phase = rng.uniform(0, 2 * np.pi, 12)
+
+    def texture(points: Array) -> Array:
+        board = points[..., 2] < 1.75
+        # Not quite level and upright: a stripe exactly along the motion says nothing at all.
+        along = np.where(board, points[..., 1] + 0.03 * points[..., 0], points[..., 0] + 0.03 * points[..., 1])
+        return np.asarray(np.cos(2 * np.pi * along[..., None] / length + phase).sum(axis=-1) / np.sqrt(6))
+
+    right, down = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    scene = Scene((Plane((0, 0, 2), right, down), Plane((0.05, 0, 1.5), right, down, (0.32, 0.25))), texture)
+    step = 0.05
+    poses = [place(step * min(i, turn), -step * max(0, i - turn), 0) for i in range(frames)]
+    return film("stripes", scene, camera, size, poses, noise, samples=1)
+
+
+def approach(frames: int = 5, noise: float = 1.0, size: tuple[int, int] = (160, 120)) -> Sequence:
+    """A slanted floor and a wall before a camera that moves forward and turns a little."""
+    focal = size[0] * 0.9
+    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    right, down, away = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    scene = Scene((Plane((0, 0.8, 0), right, away), Plane((0, 0, 5.0), right, down)), waves(7, 10.0 * 3 / focal, 1.0))
+    poses = [place(0.02 * i, 0, 0.3 * i, yaw=0.01 * i) for i in range(frames)]
+    return film("approach", scene, camera, size, poses, noise)

@@ -1,8 +1,12 @@
 """depth-from-motion: a picture sequence and the camera's motion in, depth maps out."""
 
+import json as documents
+import math
+import signal
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
@@ -17,9 +21,22 @@ app = typer.Typer(
 )
 
 
-@app.command()
+def _above_zero(value: float | None) -> float | None:
+    if value is not None and not (math.isfinite(value) and value > 0):
+        raise typer.BadParameter(f"{value}, a number above 0 is needed")
+    return value
+
+
+@app.command(
+    epilog=(
+        "Exit codes: 0 done, 2 wrong arguments, pictures or motion, 3 camera, setting, reference or output folder,"
+        " 130 and 143 interrupted. After every code but 0 the output folder is as it was before."
+    )
+)
 def estimate(
-    sequence: Path = typer.Argument(help="A folder of pictures, or a .txt file that lists them."),
+    sequence: Path = typer.Argument(
+        help="A folder of pictures, a pattern like 'views/*.ppm', or a .txt file that lists them."
+    ),
     out: Path = typer.Option(help="Folder for maps, pictures, cloud.ply and table.csv."),
     camera: Path | None = typer.Option(
         None,
@@ -39,7 +56,7 @@ def estimate(
     near: float | None = typer.Option(None, help="Nearest depth searched, m.  [default: 0.1]"),
     far: float | None = typer.Option(None, help="Farthest depth searched, m.  [default: 200]"),
     start_depth: float | None = typer.Option(
-        None, help="First guess of the thesis preset, m.  [default: 12]"
+        None, callback=_above_zero, help="First guess of the thesis preset, m.  [default: 12]"
     ),
     order: str | None = typer.Option(None, metavar="1,2,5,4,3", help="The pictures to use, in this order."),
     reference_frame: int | None = typer.Option(
@@ -48,13 +65,21 @@ def estimate(
     reference: Path | None = typer.Option(
         None, help="Ground truth of the map's view: depth (m) or disparity, 0 unknown."
     ),
-    reference_scale: float = typer.Option(1.0, help="The reference's value of one metre or one pixel."),
-    reference_baseline: float | None = typer.Option(
-        None, help="The reference holds disparities of this baseline, m.  [default: it holds depths]"
+    reference_scale: float = typer.Option(
+        1.0, callback=_above_zero, help="The reference's value of one metre or one pixel."
     ),
+    reference_baseline: float | None = typer.Option(
+        None,
+        callback=_above_zero,
+        help="The reference holds disparities of this baseline, m.  [default: it holds depths]",
+    ),
+    json: bool = typer.Option(False, "--json", help="One JSON document on stdout, all else on stderr."),
 ) -> None:
     """Estimate depth with its standard deviation, picture by picture, from a moving camera."""
+    from dataclasses import replace
+
     from perception.depth.errors import ConfigError, DepthError
+    from perception.depth.output_folder import fill_whole
     from perception.depth.program import Request, make_plan
 
     try:
@@ -80,14 +105,23 @@ def estimate(
         reference_baseline,
     )
     try:
-        rows = _run(request, len(make_plan(request).motions))
+        count = len(make_plan(request).motions)
+        with fill_whole(out) as stage:
+            try:
+                rows = _run(replace(request, out=stage), count)
+            except ConfigError as error:
+                # Nobody asked for the folder that is filled meanwhile.
+                raise ConfigError(str(error).replace(str(stage), str(out))) from error
     except ConfigError as error:
-        _fail(str(error), 3)
+        _fail(str(error), 3, json)
     except DepthError as error:
-        _fail(str(error), 2)
+        _fail(str(error), 2, json)
     except OSError as error:
-        _fail(f"{error.filename or out}: {error.strerror}", 3)
-    _print(rows, out)
+        _fail(f"{error.filename or out}: {error.strerror or error}", 3, json)
+    if json:
+        typer.echo(documents.dumps(_document(rows, out), ensure_ascii=False, indent=2, allow_nan=False))
+    else:
+        _print(rows, out)
 
 
 def _run(request: "Request", count: int) -> list["Row"]:
@@ -139,14 +173,49 @@ def _print(rows: list["Row"], out: Path) -> None:
     console.print(f"maps, pictures, cloud.ply and table.csv are in {out}", highlight=False)
 
 
-def _fail(text: str, code: int) -> None:
-    typer.echo(f"depth-from-motion: {text}", err=True)
+def _document(rows: list["Row"], out: Path) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(part) for key, part in value.items()}
+        # JSON knows no NaN: what is unknown is null.
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return {"out": str(out), "pictures": [plain(asdict(row)) for row in rows]}
+
+
+def _fail(text: str, code: int, json: bool) -> NoReturn:
+    told = " ".join(text.split())
+    typer.echo(f"depth-from-motion: {told}", err=True)
+    if json:
+        typer.echo(documents.dumps({"error": told, "exit_code": code}, ensure_ascii=False))
     raise typer.Exit(code)
 
 
+def _terminated(number: int, frame: FrameType | None) -> NoReturn:
+    # An exception, so that what is half-written goes.
+    sys.exit(128 + number)
+
+
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line; what the parser finds wrong is one line, too."""
+    signal.signal(signal.SIGTERM, _terminated)
+    usage_error: type[Exception] = typer.BadParameter.__mro__[1]
+    try:
+        code = app(prog_name="depth-from-motion", standalone_mode=False)
+    except usage_error as error:
+        told = " ".join(getattr(error, "format_message", error.__str__)().split()).rstrip(".")
+        print(f"depth-from-motion: {told}; see depth-from-motion --help", file=sys.stderr)
+        code = 2
+    except (typer.Abort, KeyboardInterrupt):
+        print("depth-from-motion: interrupted; nothing was written", file=sys.stderr)
+        code = 130
+    except BrokenPipeError:
+        # Whoever read our output has gone.
+        sys.stderr.close()
+        code = 1
+    sys.exit(code if isinstance(code, int) else 0)
 
 
 if __name__ == "__main__":

@@ -114,8 +114,8 @@ def _search(
     variance_v = np.maximum(disparity_variance(least_v, curve_v, window.pixels), LEAST_VARIANCE)
     springs = Springs.even((base.shape[0], base.shape[1]))
     strength, iterations = settings.strength, settings.membrane_iterations
-    smooth_u, spread_u = relax_membrane(u + offset_u, variance_u, springs, strength, iterations, u)
-    smooth_v, spread_v = relax_membrane(v + offset_v, variance_v, springs, strength, iterations, v)
+    smooth_u, spread_u = relax_membrane(u + offset_u, variance_u, springs, strength, iterations, u, True)
+    smooth_v, spread_v = relax_membrane(v + offset_v, variance_v, springs, strength, iterations, v, True)
     return Displacements(smooth_u, smooth_v, spread_u, spread_v)
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.contrast import estimate_noise
+from perception.depth.contrast import estimate_noise, smooth_against_noise
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
@@ -121,11 +121,14 @@ def match_pair(
         predicted: what is expected of the base view; NaN where nothing is.
     """
     noise = max(estimate_noise(base), estimate_noise(other))
+    calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
     disparity, spread, reach = fill_voids(kept, choice.hidden)
     flat = flatten_steps(disparity)
-    fine, fine_variance, worth, drift = refine(base, other, geometry, flat * choice.spacing, settings, noise)
+    fine, fine_variance, worth, drift = refine(
+        calm, calm_other, geometry, flat * choice.spacing, settings, noise
+    )
 
     drift = drift / choice.spacing**2
     blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift

@@ -65,6 +65,8 @@ def relax_membrane(
         variance: σ² of d in px²; it is not looked at in voids.
         strength: λ.
         start: where the relaxation begins; the measurement, with voids at its median, by default.
+        independent: whether the neighbours' errors are independent, var ū = Σ var/16, as the thesis has it. The
+            windows of neighbours overlap, so by default they are taken to err together.
         independent: var ū = Σ w² σ²/(Σ w)², errors independent, as (2.18) supposes. Overlapping windows make
             neighbours err together; so by default all deviations are added as they are.
 
@@ -88,11 +90,11 @@ def relax_membrane(
     for _ in range(iterations):
         for squares in (black, ~black):
             np.copyto(u, (springs.gather(u) + pull) * share, where=squares)
-    spread = np.sqrt(np.where(known, variance, np.float32(0)))
-    worst = np.float32(np.sqrt(np.max(variance[known]))) if known.any() else np.float32(0)
-    spread = np.where(known, spread, worst)
+    worst = np.float32(np.max(variance[known])) if known.any() else np.float32(0)
+    spread = np.where(known, variance, worst).astype(np.float32)
     if independent:
-        squares_around = Springs(springs.down**2, springs.right**2).gather(spread * spread)
-        return u, np.asarray((squares_around + (weight * spread) ** 2) * share * share, np.float32)
-    mixed = (springs.gather(spread) + weight * spread) * share
+        squared = Springs(springs.down * springs.down, springs.right * springs.right)
+        return u, np.asarray((squared.gather(spread) + weight * weight * spread) * share * share, np.float32)
+    deviation = np.sqrt(spread)
+    mixed = (springs.gather(deviation) + weight * deviation) * share
     return u, np.asarray(mixed * mixed, np.float32)

@@ -14,6 +14,8 @@ STEP_COLUMNS = ("tx", "ty", "tz", "wx", "wy", "wz")
 FORMATS = ("auto", "csv", "tum", "kitti")
 LONGEST_GAP_S = 0.2
 """Poses farther apart than this are not interpolated."""
+UNIT_LENGTH = 0.02
+"""A quaternion whose length is farther from 1 than this is no rotation; rounding to two decimals stays below."""
 
 
 def read_poses(path: Path, pictures: list[Path], kind: str = "auto") -> list[Matrix]:
@@ -28,7 +30,7 @@ def read_poses(path: Path, pictures: list[Path], kind: str = "auto") -> list[Mat
         MotionError: what is wrong, and in which file and line.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise MotionError(f"{path}: cannot be read ({error})") from error
     if kind == "auto":
@@ -104,7 +106,8 @@ def _from_kitti(path: Path, rows: Matrix, pictures: int) -> list[Matrix]:
     poses = []
     for number, row in enumerate(rows, 1):
         pose = np.vstack([row.reshape(3, 4), [0, 0, 0, 1]])
-        if np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() > 1e-2:
+        rotation = pose[:3, :3]
+        if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2 or np.linalg.det(rotation) < 0:
             raise MotionError(f"{path}, pose {number}: its 3×3 part is no rotation")
         pose[:3, :3] = _nearest_rotation(pose[:3, :3])
         poses.append(pose)
@@ -112,6 +115,12 @@ def _from_kitti(path: Path, rows: Matrix, pictures: int) -> list[Matrix]:
 
 
 def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
+    lengths = np.linalg.norm(rows[:, 4:], axis=1)
+    worst = int(np.abs(lengths - 1).argmax())
+    if abs(lengths[worst] - 1) > UNIT_LENGTH:
+        raise MotionError(
+            f"{path}: the quaternion at {rows[worst, 0]:.6f} has length {lengths[worst]:.3g}, 1 ± {UNIT_LENGTH} is needed"
+        )
     rows = rows[np.argsort(rows[:, 0])]
     poses = []
     for picture in pictures:
@@ -121,8 +130,8 @@ def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
             raise MotionError(
                 f"{picture.name}: its name is no time, so no pose of {path} belongs to it"
             ) from error
-        after = int(np.searchsorted(rows[:, 0], time))
-        if after == 0 or after == len(rows):
+        after = max(int(np.searchsorted(rows[:, 0], time)), 1)
+        if not (rows[0, 0] <= time <= rows[-1, 0]) or len(rows) < 2:
             raise MotionError(
                 f"{path}: no pose at the time of {picture.name}; the poses span {rows[0, 0]:.3f} to {rows[-1, 0]:.3f} s"
             )
@@ -132,20 +141,18 @@ def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
             raise MotionError(
                 f"{path}: {gap:.2f} s without a pose around {picture.name}, at most {LONGEST_GAP_S} s"
             )
-        share = (time - before[0]) / gap
+        # Two poses of one time can only stand at the very beginning.
+        share = (time - before[0]) / gap if gap > 0 else 0.0
         pose = np.eye(4)
         pose[:3, 3] = (1 - share) * before[1:4] + share * following[1:4]
         sign = 1.0 if before[4:] @ following[4:] >= 0 else -1.0
-        pose[:3, :3] = _rotation((1 - share) * before[4:] + share * sign * following[4:], path)
+        pose[:3, :3] = _rotation((1 - share) * before[4:] + share * sign * following[4:])
         poses.append(pose)
     return poses
 
 
-def _rotation(quaternion: Matrix, path: Path) -> Matrix:
-    length = float(np.linalg.norm(quaternion))
-    if not 0.5 < length < 1.5:
-        raise MotionError(f"{path}: a quaternion of length {length:.2f} is no rotation")
-    x, y, z, w = quaternion / length
+def _rotation(quaternion: Matrix) -> Matrix:
+    x, y, z, w = quaternion / np.linalg.norm(quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

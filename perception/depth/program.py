@@ -208,9 +208,10 @@ def _write_map(folder: Path, stem: str, result: DepthMap) -> None:
     try:
         np.save(folder / f"{stem}-depth.npy", result.depth)
         np.save(folder / f"{stem}-std.npy", result.depth_std)
-        cv2.imwrite(str(folder / f"{stem}-depth.png"), colour_depth(result.depth))
+        if not cv2.imwrite(str(folder / f"{stem}-depth.png"), colour_depth(result.depth)):
+            raise OSError(None, "the picture could not be encoded or stored")
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written ({error.strerror})") from error
+        raise ConfigError(f"{folder}: cannot be written ({error.strerror or error})") from error
 
 
 def _write_table(path: Path, rows: list[Row]) -> None:

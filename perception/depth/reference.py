@@ -1,6 +1,7 @@
 """Ground truth from files: depth or disparity pictures, or arrays."""
 
 from pathlib import Path
+from zipfile import BadZipFile
 
 import cv2
 import numpy as np
@@ -15,17 +16,23 @@ def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | N
     """The true inverse depth in 1/m, NaN where it is unknown (0 in the file).
 
     Args:
-        path: a picture of one channel or a .npy array.
+        path: a picture of one channel, a .npy array, or a .npz file with the array `depth` or a single one.
         scale: the file's value of one metre, or of one pixel of disparity.
         pixels_per_inverse_metre: focal length × baseline when the file holds disparities, None when depths.
 
     Raises:
-        ConfigError: it cannot be read.
+        ConfigError: it cannot be read, or the scale is not positive.
     """
-    if path.suffix == ".npy":
+    for name, number in (("scale", scale), ("focal length times baseline", pixels_per_inverse_metre)):
+        if number is not None and not (np.isfinite(number) and number > 0):
+            raise ConfigError(f"{path}: the reference's {name} is {number}, above 0 is needed")
+    if path.suffix in (".npy", ".npz"):
         try:
             raw = np.load(path, allow_pickle=False)
-        except (OSError, ValueError) as error:
+            if isinstance(raw, np.lib.npyio.NpzFile):
+                with raw:
+                    raw = raw["depth"] if "depth" in raw.files or len(raw.files) != 1 else raw[raw.files[0]]
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
             raise ConfigError(f"{path}: cannot be read as an array ({error})") from error
     else:
         raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)

@@ -1,4 +1,4 @@
-"""The pictures of a sequence: a folder, or a text file that lists them."""
+"""The pictures of a sequence: a folder, a pattern, or a text file that lists them."""
 
 from pathlib import Path
 
@@ -12,7 +12,9 @@ SUFFIXES = {".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".bmp", ".tif", ".tiff"}
 
 
 def list_pictures(sequence: Path) -> list[Path]:
-    """The pictures of a folder in the order of their names, or those a text file names, one a line.
+    """The pictures of a folder or of a pattern (`views/*.ppm`) in the order of their names, or those of a text file.
+
+    The text file names one picture a line, relative to itself; a time may stand before it, as TUM RGB-D writes it.
 
     Raises:
         ImageError: there are fewer than two, or one that is named does not exist.
@@ -22,15 +24,32 @@ def list_pictures(sequence: Path) -> list[Path]:
         if not pictures and (sequence / "rgb").is_dir():
             return list_pictures(sequence / "rgb")
     elif sequence.suffix.lower() == ".txt" and sequence.is_file():
-        lines = [line.split("#")[0].strip() for line in sequence.read_text(encoding="utf-8").splitlines()]
-        pictures = [sequence.parent / line for line in lines if line]
-        for picture in pictures:
-            if not picture.is_file():
-                raise ImageError(f"{sequence}: {picture.name} does not exist")
+        pictures = _listed(sequence)
+    elif any(sign in sequence.name for sign in "*?["):
+        pictures = sorted(
+            path for path in sequence.parent.glob(sequence.name) if path.suffix.lower() in SUFFIXES
+        )
     else:
-        raise ImageError(f"{sequence}: neither a folder of pictures nor a .txt file that lists them")
+        raise ImageError(
+            f"{sequence}: neither a folder of pictures, a pattern, nor a .txt file that lists them"
+        )
     if len(pictures) < 2:
         raise ImageError(f"{sequence}: {len(pictures)} pictures; depth from motion needs two or more")
+    return pictures
+
+
+def _listed(index: Path) -> list[Path]:
+    try:
+        lines = [line.split("#")[0].strip() for line in index.read_text(encoding="utf-8-sig").splitlines()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ImageError(f"{index}: cannot be read ({error})") from error
+    pictures = []
+    for line in filter(None, lines):
+        named = [index.parent / line, index.parent / line.split(maxsplit=1)[-1]]
+        picture = next((path for path in named if path.is_file()), None)
+        if picture is None:
+            raise ImageError(f"{index}: {line} does not exist")
+        pictures.append(picture)
     return pictures
 
 
