@@ -1,0 +1,1 @@
+"""What the depth experiment and benchmark share: pictures, peers, scores, light, figures."""
