@@ -204,6 +204,7 @@ def main() -> None:
     usage_error: type[Exception] = typer.BadParameter.__mro__[1]
     try:
         code = app(prog_name="depth-from-motion", standalone_mode=False)
+        sys.stdout.flush()
     except usage_error as error:
         told = " ".join(getattr(error, "format_message", error.__str__)().split()).rstrip(".")
         print(f"depth-from-motion: {told}; see depth-from-motion --help", file=sys.stderr)
@@ -215,6 +216,11 @@ def main() -> None:
         # Whoever read our output has gone.
         sys.stderr.close()
         code = 1
+    except OSError as error:
+        print(f"depth-from-motion: the output cannot be written ({error.strerror})", file=sys.stderr)
+        # What is still buffered could not be written either.
+        sys.stdout = None
+        code = 3
     sys.exit(code if isinstance(code, int) else 0)
 
 

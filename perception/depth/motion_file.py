@@ -119,7 +119,8 @@ def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
     worst = int(np.abs(lengths - 1).argmax())
     if abs(lengths[worst] - 1) > UNIT_LENGTH:
         raise MotionError(
-            f"{path}: the quaternion at {rows[worst, 0]:.6f} has length {lengths[worst]:.3g}, 1 ± {UNIT_LENGTH} is needed"
+            f"{path}: the quaternion at {rows[worst, 0]:.6f} has length {lengths[worst]:.3g},"
+            f" 1 ± {UNIT_LENGTH} is needed"
         )
     rows = rows[np.argsort(rows[:, 0])]
     poses = []

@@ -11,8 +11,12 @@ from perception.depth.settings import Settings
 
 FAR_PART = 0.25
 """A point at `far` that moves by more than this part of the picture's width is not where the motion says."""
-FEW = 0.25
+FEW = 0.5
 """Fewer confirmed pixels than this part mean that the pictures do not follow the motion."""
+VAGUE, MOST = 0.8, 0.9
+"""A map whose median σ_Z/Z is above the one while fewer than the other part are confirmed follows no motion either."""
+END = 1.25
+"""A map that stands for the greater part within this factor of `near` or `far` wants to lie beyond."""
 
 
 def check_motion(
@@ -61,11 +65,26 @@ def explain_no_parallax(
     )
 
 
-def doubt(result: DepthMap) -> str | None:
+def doubt(result: DepthMap, settings: Settings) -> str | None:
     """A sentence when the match itself says that pictures and motion do not belong together."""
-    if result.measured and result.confirmed < FEW:
-        return (
-            f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways: implausible"
-            " disparities; check the motion's unit, its axes and the order of the pictures"
+    value, variance = result.state.value, result.state.variance
+    known = np.isfinite(value) & (value > 0)
+    if not result.measured or not known.any():
+        return None
+    told = None
+    depth, spread = (
+        1 / float(np.median(value[known])),
+        float(np.median(np.sqrt(variance[known]) / value[known])),
+    )
+    if result.confirmed < FEW:
+        told = f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways"
+    elif depth < settings.near * END or depth > settings.far / END:
+        told = f"half of the picture stands at the end of the depths searched, {settings.near:g} to {settings.far:g} m"
+    elif spread > VAGUE and result.confirmed < MOST:
+        told = (
+            f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways, and their depth is"
+            f" uncertain by {100 * spread:.0f} %"
         )
-    return None
+    if told is None:
+        return None
+    return f"{told}: implausible disparities; check the motion's unit, its axes and the order of the pictures"

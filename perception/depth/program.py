@@ -162,7 +162,11 @@ def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
             raise ImageError(f"{path}: {error}") from error
         seconds = time.perf_counter() - begun
         image = first if plan.anchored else picture
-        remark = doubt(result) if result.measured else explain_no_parallax(camera, motion, shape, settings)
+        remark = (
+            doubt(result, settings)
+            if result.measured
+            else explain_no_parallax(camera, motion, shape, settings)
+        )
         last = path == plan.pictures[-1]
         accuracy = None
         if truth is not None and (plan.anchored or last):
