@@ -1,10 +1,17 @@
-"""A small framed device on an emulated line: a register to set, to read, to add to, and events on demand."""
+"""A small framed device on an emulated line, and a desk on which an exchange runs by a clock that the test holds."""
 
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
+from medusa.errors import MedusaError
+from medusa.link.exchange import Exchange, State
+from medusa.link.frame import Decoder, Message
+from medusa.link.messages import HELLO, Event
+from medusa.link.request import Request
 from sim_devices.link.device import Refused
 
 SET, READ, ADD, STOP, RAISE_EVENT, MOVE = 0x30, 0x31, 0x32, 0x33, 0x34, 0x35
@@ -12,9 +19,10 @@ BAD_LENGTH, OUT_OF_RANGE = 3, 4
 
 
 class Toy:
-    """Counts what acted: `acts` holds (operation, payload) in the order of acting.
+    """A register to set, to read and to add to, and events on demand.
 
-    `sizes` are the payload sizes it insists on, as devices do.
+    `acts` counts what acted: (operation, payload) in the order of acting; `sizes` are the payload
+    sizes it insists on, as devices do.
     """
 
     device_type = 9
@@ -93,3 +101,87 @@ class Toy:
 @pytest.fixture
 def toy() -> Toy:
     return Toy()
+
+
+@dataclass
+class Desk:
+    """Runs an exchange: keeps what it sent and how its requests ended."""
+
+    frames: list[bytes] = field(default_factory=list)
+    results: dict[Request, bytes | MedusaError] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    losses: list[MedusaError] = field(default_factory=list)
+    stuck: set[bytes] = field(default_factory=set)
+    now: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.exchange = Exchange(1, self)
+
+    def send(self, frame: bytes) -> None:
+        self.frames.append(frame)
+
+    def unsend(self, frame: bytes) -> bool:
+        if frame in self.stuck:
+            self.stuck.remove(frame)
+            return True
+        return False
+
+    def finish(self, request: Request, result: bytes | MedusaError) -> None:
+        assert request not in self.results, "a request ended twice"
+        self.results[request] = result
+
+    def deliver(self, event: Event) -> None:
+        self.events.append(event)
+
+    def lost(self, error: MedusaError) -> None:
+        self.losses.append(error)
+
+    def name(self, operation: int) -> str:
+        return {0x19: "MOVE", 0x31: "READ"}.get(operation, f"operation {operation:02X}H")
+
+    @property
+    def sent(self) -> list[Message]:
+        return [item for item in Decoder().feed(b"".join(self.frames)) if isinstance(item, Message)]
+
+    def ask(self, operation: int, axis: int = 0x0F, payload: bytes = b"", **how: Any) -> Request:
+        request = Request(operation, axis, payload, 0.1, **how)
+        self.exchange.submit(request, self.now)
+        return request
+
+    def answer(self, sequence: int, operation: int, payload: bytes = b"", status: int = 0) -> None:
+        self.exchange.receive(Message(1, 1, sequence, operation, status, payload), self.now)
+
+    def answer_last(self, payload: bytes = b"", status: int = 0) -> None:
+        self.answer(self.sent[-1].sequence, self.sent[-1].operation, payload, status)
+
+    def let_pass(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.exchange.due <= end:
+            self.now = self.exchange.due
+            self.exchange.expire(self.now)
+        self.now = end
+
+    def error(self, request: Request) -> MedusaError:
+        result = self.results[request]
+        assert isinstance(result, MedusaError)
+        return result
+
+    @property
+    def sequences(self) -> list[int]:
+        """Numbers of what was sent after the first HELLO."""
+        return [message.sequence for message in self.sent[1:]]
+
+
+@pytest.fixture
+def new_desk() -> Desk:
+    """An exchange that has not greeted yet."""
+    return Desk()
+
+
+@pytest.fixture
+def desk(new_desk: Desk) -> Desk:
+    """An exchange in an open session; HELLO took number 0."""
+    new_desk.ask(HELLO, payload=b"\x34\x12")
+    new_desk.answer(0, HELLO, b"\x34\x12" + b"\x01\x01\x02\x01\x07\x00")
+    assert new_desk.exchange.state is State.OPEN
+    return new_desk

@@ -1,11 +1,15 @@
-"""A framed device with the least possible application, and a host's hand on it without a wire."""
+"""A framed device with the least possible application, a host's hand on it without a wire, and both ends of a wire."""
 
+import asyncio
+import os
 import struct
 
 import pytest
 
 from sim_devices.link.device import LinkDevice, Refused
+from sim_devices.link.faults import FaultPlan
 from sim_devices.link.frame import FrameReceiver, Kind, Message, encode_frame
+from sim_devices.link.line import Line
 
 HELLO, PING, STATISTICS, WATCHDOG, EMERGENCY_STOP, CLEAR, EVENT_MASK = range(1, 8)
 ADDRESS = 0x21
@@ -150,3 +154,91 @@ def hand():
 def greeted(hand):
     hand.hello()
     return hand
+
+
+class Echo:
+    """Sends back what it hears, at the instant at which it hears it."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[float, bytes]] = []
+        self.advanced: list[float] = []
+        self.dues: list[float] = []
+        self.answer = True
+        self.breaks = False
+        self.send = lambda data, t: None
+
+    def receive(self, data: bytes, t: float) -> None:
+        self.heard.append((t, data))
+        if self.breaks:
+            raise RuntimeError("a fault in device code")
+        if self.answer:
+            self.send(data, t)
+
+    def advance_to(self, t: float) -> None:
+        self.advanced.append(t)
+        self.dues = [due for due in self.dues if due > t]
+
+    def next_due(self) -> float | None:
+        return min(self.dues, default=None)
+
+
+class Client:
+    """An application's end of the terminal."""
+
+    def __init__(self, path: str) -> None:
+        self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self.got: list[tuple[float, bytes]] = []
+        self.loop = asyncio.get_running_loop()
+        self.loop.add_reader(self.fd, self._readable)
+        self.open = True
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self.fd, 4096)
+        except OSError:
+            data = b""
+        if not data:
+            self.close()
+            return
+        self.got.append((self.loop.time(), data))
+
+    def write(self, data: bytes) -> None:
+        assert os.write(self.fd, data) == len(data)
+
+    @property
+    def bytes(self) -> bytes:
+        return b"".join(data for _, data in self.got)
+
+    def close(self) -> None:
+        if self.open:
+            self.open = False
+            self.loop.remove_reader(self.fd)
+            os.close(self.fd)
+
+
+async def run_over_faults(plan: FaultPlan | None, frames: int = 200, gap: float = 0.01):
+    """Send numbered frames through a faulty wire; return what arrived, when, and what came back."""
+    echo = Echo()
+    async with Line([echo], faults=plan) as line:
+        client = Client(line.path)
+        for n in range(frames):
+            client.write(bytes((n,)) * 8)
+            await asyncio.sleep(gap)
+        await asyncio.sleep(5.0)
+        client.close()
+    return echo.heard, client.got
+
+
+@pytest.fixture
+def make_echo():
+    return Echo
+
+
+@pytest.fixture
+def connect():
+    return Client
+
+
+@pytest.fixture(name="run_over_faults")
+def run_over_faults_fixture():
+    return run_over_faults
