@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from medusa.cli.design_tables import misprints, print_designs
 from medusa.cli.options import Options
 from medusa.cli.servo import read_bytes
-from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
     from medusa.servo.design import ServoDesign
+    from medusa.servo.margins import Margins
     from medusa.servo.thesis import Joint
 
 KINDS = "vergence, tilt, pan"
@@ -57,6 +58,7 @@ def design(
 
     async def body() -> None:
         from medusa.servo.design import design_servo
+        from medusa.servo.margins import margins
         from medusa.servo.position_filter import check_stable
         from medusa.servo.search import search_filter
         from medusa.servo.thesis import JOINTS
@@ -81,6 +83,7 @@ def design(
                     made.scale.check_drive(math.radians(speed), math.radians(acceleration))
             designs[name] = made
             document[name] = {"constants": dataclasses.asdict(constants), **made.as_dict()}
+            document[name]["velocity"]["misprints"] = misprints(joint, made)
             candidates = {"thesis": made.registers}
             if registers is not None:
                 check_stable(plant.at_timer(registers.timer), registers.filter)
@@ -88,11 +91,12 @@ def design(
             if search:
                 candidates["searched"] = search_filter(plant, timer).registers
             for label, bytes_of in candidates.items():
-                tried.append(_judged(name, label, assess(plant, bytes_of)))
+                margin = margins(plant.at_timer(bytes_of.timer), bytes_of.filter)
+                tried.append(_judged(name, label, assess(plant, bytes_of), margin))
         document["bytes"] = tried
         if figures is not None:
             document["figures"] = [str(path) for path in _draw(designs, figures)]
-        options.show(document, lambda: _print(designs, document))
+        options.show(document, lambda: print_designs(designs, document))
 
     options.run(body)
 
@@ -125,7 +129,7 @@ def _encoder(lines: float | None, gear: float | None) -> dict[str, float]:
     return {"encoder": encoder_gain(_positive("lines", lines), _positive("gear", gear))}
 
 
-def _judged(name: str, label: str, candidate: Any) -> dict[str, Any]:
+def _judged(name: str, label: str, candidate: Any, margin: "Margins") -> dict[str, Any]:
     r = candidate.registers
     settling = {f"settling_{step}_ms": candidate.settling[step] for step in (100, 1000, 10_000)}
     return {
@@ -137,16 +141,8 @@ def _judged(name: str, label: str, candidate: Any) -> dict[str, Any]:
         "T": r.timer,
         **{key: None if math.isinf(value) else 1e3 * value for key, value in settling.items()},
         "dead_band_counts": candidate.dead_band,
-    }
-
-
-def _short(row: dict[str, Any]) -> dict[str, Any]:
-    """A row of bytes as the table shows it."""
-    return {
-        key.removeprefix("settling_").removesuffix("_ms").removesuffix("_counts"): f"{value:.4g}"
-        if isinstance(value, float)
-        else value
-        for key, value in row.items()
+        "gain_margin": margin.gain,
+        "phase_margin_deg": margin.phase_deg,
     }
 
 
@@ -161,90 +157,3 @@ def _draw(designs: "dict[str, ServoDesign]", folder: Path) -> list[Path]:
             save_figure(figure, path)
             paths.append(path)
     return paths
-
-
-def _print(designs: "dict[str, ServoDesign]", document: dict[str, Any]) -> None:
-    constants = [{"axis": name, **_rounded(document[name]["constants"])} for name in designs]
-    print_table("physical constants, joint-referred: R, J, K_E, K_T, E, K_A", constants)
-    for name, made in designs.items():
-        _print_equations(name, made)
-    print()
-    print_table("table 6.1: resolution and speeds in degrees", [_speeds(n, d) for n, d in designs.items()])
-    print_table(
-        "table 6.2: gain of the proportional velocity mode", [_gains(n, d) for n, d in designs.items()]
-    )
-    for name, made in designs.items():
-        print(f"{name}: {made.velocity.statement()}")
-    print()
-    print_table("table 6.3: what the thesis asks of profiles, and what stands in the way", _profiles(designs))
-    print_table(
-        "bytes: 2 % settling in ms by step in counts; dead band", [_short(r) for r in document["bytes"]]
-    )
-    for path in document.get("figures", []):
-        print(path)
-
-
-def _rounded(constants: dict[str, float]) -> dict[str, str]:
-    return {key: f"{value:.6g}" for key, value in constants.items()}
-
-
-def _print_equations(name: str, made: "ServoDesign") -> None:
-    plant, filter_, bytes_ = made.discrete, made.filter, made.registers
-    print(
-        f"{name}: T_M = {1e3 * made.plant.time_constant:.3f} ms, C = {made.plant.velocity_gain:.2f} counts/s\n"
-        f"  P(z) = {plant.gain:.4f} (z + {plant.zero:.4f})/((z − 1)(z − {plant.pole:.4f}))\n"
-        f"  D(z) = {filter_.gain:.4f} (z − {filter_.zero:.4f})/z, double pole; stable to K = "
-        f"{made.compensated_limit:.2f} ({made.uncompensated_limit:.3f} without the zero)\n"
-        f"  bytes A = {bytes_.zero}, B = {bytes_.pole}, K = {bytes_.gain}, T = {bytes_.timer}: poles "
-        + ", ".join(_pole(pole) for pole in made.poles if pole.imag >= 0)
-        + f"; gain margin {made.margins.gain:.2f}, phase margin {made.margins.phase_deg:.1f}°"
-    )
-
-
-def _pole(pole: complex) -> str:
-    return f"{pole.real:.4f}" + (f" ± {pole.imag:.4f}i" if pole.imag > 1e-9 else "")
-
-
-def _speeds(name: str, made: "ServoDesign") -> dict[str, Any]:
-    scale = made.scale
-    return {
-        "axis": name,
-        "resolution": f"{math.degrees(1 / scale.counts_per_radian):.5f}",
-        "least /s": f"{math.degrees(scale.least_speed):.4f}",
-        "chip's most /s": f"{math.degrees(scale.chip_speed):.1f}",
-        "amplifier's most /s": f"{math.degrees(scale.amplifier_speed):.1f}",
-    }
-
-
-def _gains(name: str, made: "ServoDesign") -> dict[str, Any]:
-    bounds = made.velocity
-    return {
-        "axis": name,
-        "(i) stable <": f"{bounds.stability:.2f}",
-        "(ii) error 10 % >": f"{bounds.accuracy:.2f}",
-        "(iii) pole 0": f"{bounds.no_overshoot:.2f}",
-        "byte K": made.velocity_register,
-    }
-
-
-def _profiles(designs: "dict[str, ServoDesign]") -> list[dict[str, Any]]:
-    from medusa.errors import CommandError
-
-    rows = []
-    for name, made in designs.items():
-        joint = _joint(name)
-        try:
-            made.scale.check_speed(joint.profile_speed)
-            told = "–"
-        except CommandError as error:
-            told = str(error).partition(": ")[2]
-        rows.append(
-            {
-                "axis": name,
-                "speed rad/s": f"{joint.profile_speed / math.pi:g} π",
-                "acceleration": f"{joint.profile_acceleration / math.pi:g} π",
-                "register": made.scale.acceleration_register(joint.profile_acceleration),
-                "in the way": told,
-            }
-        )
-    return rows

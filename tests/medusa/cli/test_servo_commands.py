@@ -20,6 +20,9 @@ def test_design_regenerates_the_tables_and_says_which_bytes_realise_the_filters(
     assert vergence["position"]["registers"] == {"A": 225, "B": 0, "K": 5, "T": 255}
     assert round(vergence["velocity"]["accuracy_min"], 2) == 3.56
     assert "cannot both be met" in pan["velocity"]["statement"]
+    # Equations page 1.4: 3.5 is printed where (6.22) gives 3.56. No other number of the table differs.
+    assert vergence["velocity"]["misprints"] == ["the thesis prints 3.5 for (ii); its own plant gives 3.56"]
+    assert pan["velocity"]["misprints"] == ended.json["tilt"]["velocity"]["misprints"] == []
     text = ctl("design").out
     assert "bytes A = 197, B = 0, K = 7, T = 255" in text
     for bound in ("6.19", "3.56", "2.90", "6.40", "4.33", "2.96", "8.71", "10.19", "3.79"):
