@@ -77,7 +77,7 @@ def identify(
         from medusa.replace_file import replace_file
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
-        async with options.head(homed=True) as (head, _):
+        async with options.head(homed=True, joints=[axis]) as (head, _):
             row = _identified(axis, await identify_axis(head, axis, excitation))
         if save is not None:
             replace_file(save, json.dumps(row, indent=1) + "\n")
@@ -120,7 +120,7 @@ def tune(
         from medusa.tuning import tune_axes, write_filter
 
         file: str | None = None
-        async with options.head(homed=True) as (head, _):
+        async with options.head(homed=True, joints=axes) as (head, _):
             bounds = Excitation(math.radians(excursion))
             tunings = await tune_axes(head, axes, timer=timer, registers=registers, excitation=bounds)
             if write:
@@ -186,13 +186,16 @@ def saccade(
     asked = {"pan": pan, "tilt": tilt, "version": version, "vergence": vergence}
     if all(angle is None for angle in asked.values()):
         options.fail("nowhere to look: give --pan, --tilt, --version or --vergence", 2)
+    moved = [name for name in ("pan", "tilt") if asked[name] is not None]
+    if version is not None or vergence is not None:
+        moved += ["left_vergence", "right_vergence"]
 
     async def body() -> None:
         from medusa.errors import DeviceFault
         from medusa.saccade import saccade as run_saccade
         from medusa.saccade import saccade_targets
 
-        async with options.head(homed=True) as (head, _):
+        async with options.head(homed=True, joints=moved) as (head, _):
             snapshot = await head.snapshot()
             now = {name: joint.command_angle for name, joint in snapshot.joints.items()}
             given = {n: math.radians(angle) for n, angle in asked.items() if angle is not None}
