@@ -30,11 +30,12 @@ async def smooth() -> AsyncIterator[tuple[SimulatedHead, Head]]:
         yield opened
 
 
-async def step_all(bench: Bench, sign: int = 1) -> dict[int, Run]:
+async def step_all(bench: Bench, *, on_edge: bool = True) -> dict[int, Run]:
     runs = {}
+    place = bench.place_on_edge if on_edge else bench.place
     for step in (100, 1000, 10_000):
-        await bench.place(-18.0 * sign if step == 10_000 else 0.0)
-        runs[step] = await bench.step(sign * step)
+        await place(-18.0 if step == 10_000 else 0.0)
+        runs[step] = await bench.step(step)
     return runs
 
 
@@ -46,13 +47,9 @@ async def test_steps_have_the_figures_of_the_page_and_follow_the_prediction(
     for step, run in runs.items():
         rise, settling = STEPS[name][step]
         figures = run.step()
-        # The page starts on an encoder edge, the joint anywhere between two: up to a sample either way. A step of
-        # 100 counts settles by up to five samples sooner from other places: 2 counts are its 2 % band.
-        assert figures.rise * 1e3 == pytest.approx(rise, abs=1.0)
-        latest = settling * 1e-3 + (2 if step == 100 else 1) * PERIOD
-        assert figures.settling <= latest + 1e-4
-        if step > 100:
-            assert figures.settling >= settling * 1e-3 - PERIOD
+        # The page gives a digit after the point of 10–90 % times that lie between samples, and whole samples.
+        assert figures.rise * 1e3 == pytest.approx(rise, abs=0.15)
+        assert figures.settling * 1e3 == pytest.approx(settling, abs=0.1)
         assert run.overshoot_counts <= 3
         assert abs(run.final_error_counts) <= DEAD_BAND[name]
         # The same equations, the same start: one count by the rounding of constants to nine digits.
@@ -134,7 +131,7 @@ async def test_with_friction_and_backlash_the_joint_rests_within_dead_band_and_p
         for name in ("tilt", "pan"):
             bench = Bench(*rough, name)
             registers = thesis_registers(AXES[name].plant, 255)
-            for run in (await step_all(bench)).values():
+            for run in (await step_all(bench, on_edge=False)).values():
                 # (1 + friction)/D(1), and a count for the encoder.
                 assert abs(run.final_error_counts) <= dead_band(registers.filter, 2.0) + 1
                 play = 0.02 * AXES[name].counts_per_degree

@@ -45,8 +45,10 @@ async def run_machine(*, friction: float = 0.0, backlash_deg: float = 0.0) -> Ma
         for name in AXES:
             bench = Bench(sim, head, name)
             machine.steps[name] = []
+            # The smooth steps stand beside the equations page's, and start as they do.
+            place = bench.place if friction or backlash_deg else bench.place_on_edge
             for step in STEPS:
-                await bench.place(-18.0 if step == STEPS[-1] else 0.0)
+                await place(-18.0 if step == STEPS[-1] else 0.0)
                 machine.steps[name].append(await bench.step(step if bench.scale > 0 else -step))
             await bench.place(-PROFILE_DEG / 2)
             machine.profile[name] = await bench.profile(PROFILE_DEG)
@@ -89,8 +91,10 @@ async def run_filters(
         for name in AXES:
             bench = Bench(sim, head, name)
             runs[name] = []
+            # The smooth steps stand beside the equations page's, and start as they do.
+            place = bench.place if friction or backlash_deg else bench.place_on_edge
             for step in STEPS:
-                await bench.place(-18.0 if step == STEPS[-1] else 0.0)
+                await place(-18.0 if step == STEPS[-1] else 0.0)
                 runs[name].append(await bench.step(step if bench.scale > 0 else -step))
     return runs
 

@@ -32,6 +32,8 @@ FOLLOWING_DEG = 60.0
 """A step of 10 000 counts is one following error: the trip has to be wider than that."""
 REST_SAMPLES = 12
 """Samples before the motion that the prediction runs through, too."""
+EDGE = 1e-3
+"""Counts above the edge itself, which rounding would miss."""
 NEAR_SENSORS = {"pan": -23.0, "tilt": -13.0, "left_vergence": -18.0, "right_vergence": -15.0}
 
 Floats = NDArray[np.float64]
@@ -139,6 +141,14 @@ class Bench:
         await self.axis.set_mode(Mode.IDLE)
         await self.head.rest([self.name])
         await asyncio.sleep(0.3)
+        await self.axis.set_mode(Mode.POSITION)
+
+    async def place_on_edge(self, degrees: float) -> None:
+        """The same, and the shaft then where the equations page starts: on the lower edge of its encoder count."""
+        await self.place(degrees)
+        await self.axis.set_mode(Mode.IDLE)
+        shaft = self.sim.machine.joint_angles(asyncio.get_running_loop().time())[self.name] * self.scale
+        self.sim.machine.verbs["place"](axis=self.name, angle=(math.floor(shaft) + EDGE) / self.scale)
         await self.axis.set_mode(Mode.POSITION)
 
     async def _record(self, seconds: float, act: Callable[[], Coroutine[Any, Any, Any]]) -> dict[str, Floats]:
