@@ -30,7 +30,7 @@ def _above_zero(value: float | None) -> float | None:
 @app.command(
     epilog=(
         "Exit codes: 0 done, 2 wrong arguments, pictures or motion, 3 camera, setting, reference or output folder,"
-        " 130 and 143 interrupted. After every code but 0 the output folder is as it was before."
+        " 130 and 143 interrupted. An estimate that fails or is interrupted leaves the output folder as it was."
     )
 )
 def estimate(
@@ -40,12 +40,13 @@ def estimate(
     out: Path = typer.Option(help="Folder for maps, pictures, cloud.ply and table.csv."),
     camera: Path | None = typer.Option(
         None,
-        help="TOML with fx, fy, cx, cy in pixels.  [default: camera.toml beside the pictures, or a 60° lens]",
+        help="TOML with fx, fy, cx, cy in pixels.",
+        show_default="camera.toml beside the pictures, or a 60° lens",
     ),
     motion: Path | None = typer.Option(
         None,
-        help="Steps in CSV (tx ty tz m, wx wy wz rad), TUM or KITTI poses.  [default: motion.csv, groundtruth.txt or"
-        " poses.txt beside the pictures]",
+        help="Steps in CSV (tx ty tz m, wx wy wz rad), TUM or KITTI poses.",
+        show_default="motion.csv, groundtruth.txt or poses.txt beside the pictures",
     ),
     motion_format: str = typer.Option(
         "auto", metavar="auto|csv|tum|kitti", help="How the motion file is written."
@@ -53,14 +54,17 @@ def estimate(
     preset: str = typer.Option(
         "default", help="default, thesis (chapter 2 to the letter) or thesis-unequalised."
     ),
-    near: float | None = typer.Option(None, help="Nearest depth searched, m.  [default: 0.1]"),
-    far: float | None = typer.Option(None, help="Farthest depth searched, m.  [default: 200]"),
+    near: float | None = typer.Option(None, help="Nearest depth searched, m.", show_default="0.1"),
+    far: float | None = typer.Option(None, help="Farthest depth searched, m.", show_default="200"),
     start_depth: float | None = typer.Option(
-        None, callback=_above_zero, help="First guess of the thesis preset, m.  [default: 12]"
+        None, callback=_above_zero, help="First guess of the thesis preset, m.", show_default="12"
     ),
     order: str | None = typer.Option(None, metavar="1,2,5,4,3", help="The pictures to use, in this order."),
     reference_frame: int | None = typer.Option(
-        None, min=1, help="Keep this picture and let the map stand in its view.  [default: the newest view]"
+        None,
+        min=1,
+        help="Keep this picture and let the map stand in its view.",
+        show_default="the newest view",
     ),
     reference: Path | None = typer.Option(
         None, help="Ground truth of the map's view: depth (m) or disparity, 0 unknown."
@@ -71,7 +75,8 @@ def estimate(
     reference_baseline: float | None = typer.Option(
         None,
         callback=_above_zero,
-        help="The reference holds disparities of this baseline, m.  [default: it holds depths]",
+        help="The reference holds disparities of this baseline, m.",
+        show_default="it holds depths",
     ),
     json: bool = typer.Option(False, "--json", help="One JSON document on stdout, all else on stderr."),
 ) -> None:
