@@ -8,13 +8,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from medusa.config_simulated import simulated_toml
+from sim_devices.control import call
 
 BIN = Path(sys.executable).parent
 pytestmark = pytest.mark.real_time
@@ -25,27 +27,18 @@ class Bench:
     """A served head and a configuration for it, in a folder of their own."""
 
     folder: Path
-    served: list["subprocess.Popen[str]"] = field(default_factory=list)
+    serving: Callable[[Path, str], AbstractContextManager[Path]]
 
-    def serve(self) -> None:
-        process = subprocess.Popen(
-            [BIN / "sim-devices", "run", "--config", "bench.toml"],
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        self.served.append(process)
-        assert process.stdout is not None
-        assert any(line.strip() == "ready" for line in iter(process.stdout.readline, ""))
+    def __post_init__(self) -> None:
+        self._served = ExitStack()
+
+    def plug(self) -> None:
+        """Switch everything on."""
+        self._served.enter_context(self.serving(self.folder, "[head.start_deg]\npan = -22.5\n"))
 
     def unplug(self) -> None:
-        """Switch everything off at once: the ports hang up."""
-        for process in self.served:
-            process.kill()
-            process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
-        self.served.clear()
+        """Switch everything off: the ports hang up, the boards forget."""
+        self._served.close()
 
     def run(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         return subprocess.run(
@@ -65,10 +58,7 @@ class Bench:
         return jogging
 
     def pan(self) -> dict[str, Any]:
-        told = subprocess.run(
-            [BIN / "sim-devices", "inspect"], cwd=self.folder, capture_output=True, check=True, timeout=30
-        )
-        pan: dict[str, Any] = json.loads(told.stdout)["head"]["joints"]["pan"]
+        pan: dict[str, Any] = call(self.folder / "sim", "inspect")["head"]["joints"]["pan"]
         return pan
 
     def pan_when(self, reached: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -80,17 +70,18 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(
+    tmp_path_factory: pytest.TempPathFactory, serving: Callable[[Path, str], AbstractContextManager[Path]]
+) -> Iterator[Bench]:
     """Pan checked and homed by a process that has ended."""
     folder = tmp_path_factory.mktemp("head")
-    (folder / "bench.toml").write_text("[head.start_deg]\npan = -22.5\n")
     config = simulated_toml().replace('# boards = "/dev/ttyUSB0"', 'boards = "sim/mc3000"')
     config = config.replace('# amplifiers = "/dev/ttyUSB1"', 'amplifiers = "sim/servo-amps"')
     # Still longer than the board's watchdog of 400 ms and the longest ramp of 207 ms.
     config = config.replace("amplifier_watchdog_ms = 3000", "amplifier_watchdog_ms = 1000")
     (folder / "medusa.toml").write_text(config)
-    bench = Bench(folder)
-    bench.serve()
+    bench = Bench(folder, serving)
+    bench.plug()
     try:
         for command in ("check", "home"):
             ended = bench.run(command, "pan")
@@ -150,7 +141,7 @@ def test_pulling_everything_ends_a_jog_with_its_name_and_homing_with_it(bench: B
     assert "line lost: sim/mc3000: the port has vanished" in told.splitlines()[-1]
     gone = bench.run("status")
     assert (gone.returncode, gone.stderr) == (4, "medusa-ctl: sim/mc3000: no such port\n")
-    bench.serve()
+    bench.plug()
     refused = bench.run("move", "--pan", "0")
     assert refused.returncode == 2
     assert refused.stderr == "medusa-ctl: pan: not homed; run `medusa-ctl home` first\n"

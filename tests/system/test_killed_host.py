@@ -1,18 +1,19 @@
 """A host that is killed while it jogs a joint: the joint stands by the board's watchdog."""
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-BIN = Path(sys.executable).parent
+from sim_devices.control import call
+
 JOG_DEG_S = 10.0
 WATCHDOG_S, RAMP_S = 0.4, 0.21
 SCHEDULING_S = 0.5
@@ -35,10 +36,7 @@ asyncio.run(jog())
 
 
 def joint(links: Path) -> dict[str, Any]:
-    told = subprocess.run(
-        [BIN / "sim-devices", "inspect", "--links", links], capture_output=True, check=True, timeout=30
-    )
-    pan: dict[str, Any] = json.loads(told.stdout)["head"]["joints"]["pan"]
+    pan: dict[str, Any] = call(links, "inspect")["head"]["joints"]["pan"]
     return pan
 
 
@@ -52,24 +50,9 @@ def joint_when(links: Path, reached: Callable[[dict[str, Any]], bool]) -> dict[s
 
 
 @pytest.fixture
-def links(tmp_path: Path) -> Iterator[Path]:
-    bench = tmp_path / "bench.toml"
-    bench.write_text("[head.start_deg]\npan = -22.5\n")
-    served = subprocess.Popen(
-        [BIN / "sim-devices", "run", "--config", bench, "--links", tmp_path / "links", "--seed", "1"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert served.stdout is not None
-    try:
-        for line in served.stdout:
-            if line.strip() == "ready":
-                break
-        yield tmp_path / "links"
-    finally:
-        served.send_signal(signal.SIGTERM)
-        assert served.wait(timeout=30) == 0
-        served.stdout.close()
+def links(tmp_path: Path, serving: Callable[[Path, str], AbstractContextManager[Path]]) -> Iterator[Path]:
+    with serving(tmp_path, "[head.start_deg]\npan = -22.5\n") as links:
+        yield links
 
 
 @pytest.mark.real_time

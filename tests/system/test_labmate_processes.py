@@ -10,7 +10,7 @@ import termios
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,24 +29,9 @@ ended = threading.Event()
 
 
 @pytest.fixture
-def links(tmp_path: Path) -> Iterator[Path]:
-    bench = tmp_path / "bench.toml"
-    bench.write_text("[[base]]\n")
-    served = subprocess.Popen(
-        [BIN / "sim-devices", "run", "--config", bench, "--links", tmp_path / "links", "--seed", "1"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert served.stdout is not None
-    try:
-        for line in served.stdout:
-            if line.strip() == "ready":
-                break
-        yield tmp_path / "links"
-    finally:
-        served.send_signal(signal.SIGTERM)
-        assert served.wait(timeout=30) == 0
-        served.stdout.close()
+def links(tmp_path: Path, serving: Callable[[Path, str], AbstractContextManager[Path]]) -> Iterator[Path]:
+    with serving(tmp_path, "[[base]]\n") as links:
+        yield links
 
 
 @pytest.fixture
