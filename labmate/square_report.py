@@ -139,6 +139,7 @@ def draw(path: Path, result: SquareResult) -> None:
     figure = Figure(figsize=(14.4, 5.4), layout="constrained")
     axes = figure.subplots(1, 3)
     names = {"ccw": "Counter-clockwise", "cw": "Clockwise"}
+    beside = {"ccw": (-34, 4), "cw": (7, 6)}
     for ax, run, again in zip(axes, result.uncalibrated, result.calibrated, strict=False):
         closing = 1e3 * result.closing(run).distance
         _plot(ax, run.true_path or (), _TRUE, "true path", linewidth=2.6)
@@ -148,7 +149,7 @@ def draw(path: Path, result: SquareResult) -> None:
         )
         _plot(ax, run.path(result.nominal), _ODOMETRY, "odometry", linestyle="--", linewidth=1.2)
         ax.plot(0.0, 0.0, marker="o", color=_TRUE, markersize=6, linestyle="none")
-        ax.annotate("start", (0.0, 0.0), textcoords="offset points", xytext=(7, 6))
+        ax.annotate("start", (0.0, 0.0), textcoords="offset points", xytext=beside[run.direction])
         ax.set_title(f"{names[run.direction]}: ends {closing:.0f} mm from where it believes")
         ax.set_xlabel("x (m)")
         ax.set_ylabel("y (m)")
