@@ -128,7 +128,7 @@ def _tried(row: dict[str, Any]) -> dict[str, Any]:
     return {
         "axis": row["axis"],
         "bytes": row["bytes"],
-        "A, B, K, T": ", ".join(str(row[key]) for key in "ABKT"),
+        "A,B,K,T": ",".join(str(row[key]) for key in "ABKT"),
         **{step: None if ms is None else f"{ms:.1f}" for step, ms in settling.items()},
         "dead band": f"{row['dead_band_counts']:.1f}",
         "margins": f"{row['gain_margin']:.1f}, {row['phase_margin_deg']:.0f}°",
