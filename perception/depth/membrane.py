@@ -32,7 +32,7 @@ class Springs:
         def stiffness(axis: int) -> Field:
             edge = np.diff(guide, axis=axis) / np.float32(contrast)
             jump = np.diff(disparity, axis=axis) / np.float32(jump_px)
-            return np.asarray(1 / ((1 + edge * edge) * (1 + jump**4)) + 1e-4, np.float32)
+            return np.asarray(1 / ((1 + edge * edge) * (1 + np.square(jump * jump))) + 1e-4, np.float32)
 
         return cls(stiffness(0), stiffness(1))
 
