@@ -75,12 +75,15 @@ async def identify_axis(head: "Head", name: str, excitation: Excitation | None =
     try:
         await axis.board.watchdog(min(WATCHDOG_MS, safety.board_watchdog_ms), WatchdogAction.IDLE)
         pulses = await _pulses(axis, excitation)
-    except BaseException:
+    except BaseException as error:
         # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
         try:
             await asyncio.shield(asyncio.ensure_future(_leave(head, axis)))
-        except MedusaError as error:
-            log.error("%s: %s", name, error)
+        except MedusaError as unconfirmed:
+            log.error("%s: %s", name, unconfirmed)
+        if isinstance(error, CommandError) and error.status is not None:
+            # The joint was moving: a board that now refuses has stopped it.
+            raise DeviceFault(f"{name}: stopped while it was measured: {error}", axis=name) from error
         raise
     await _leave(head, axis)
     found = estimate_plant(pulses)

@@ -102,6 +102,21 @@ async def _until_driven(sim: SimulatedHead, name: str, dac: int) -> None:
     raise AssertionError(f"{name} was never driven by {dac} DAC counts")
 
 
+async def test_an_emergency_stop_in_a_pulse_is_a_fault_of_the_joint_not_a_mistake_of_the_caller() -> None:
+    async with simulated_head(seed=4) as sim, sim.open() as head:
+        await head.home(["tilt"])
+        where = await head.axes["tilt"].position()
+        measuring = asyncio.create_task(identify_axis(head, "tilt"))
+        await _until_driven(sim, "tilt", 5)
+        sim.bench.inject("head.emergency_stop")
+        with pytest.raises(
+            DeviceFault, match=r"tilt: stopped while it was measured.*emergency stop"
+        ) as caught:
+            await measuring
+        assert caught.value.axis == "tilt"
+        assert abs(await head.axes["tilt"].position() - where) < math.radians(16.0)  # two excursions
+
+
 async def test_a_joint_without_power_is_a_fault_that_says_so() -> None:
     async with simulated_head(seed=4) as sim, sim.open() as head:
         await head.home(["pan"])
