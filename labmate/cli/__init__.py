@@ -4,7 +4,7 @@ import sys
 
 import typer
 
-from labmate.cli import motion, setup, square, teleop, watch
+from labmate.cli import calibrate, motion, setup, square, teleop, watch
 from labmate.cli.options import Options, globals_first
 
 app = typer.Typer(
@@ -50,7 +50,7 @@ def _labmate_drive(
     )
 
 
-for group in (setup, motion, watch, teleop, square):
+for group in (setup, motion, watch, teleop, square, calibrate):
     group.register(app)
 
 
