@@ -2,6 +2,7 @@
 
 import json
 import os
+import select
 import signal
 import socket
 import stat
@@ -53,13 +54,10 @@ def ask(path, frame):
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         os.write(fd, frame)
-        receiver, ends = FrameReceiver(), time.monotonic() + DEADLINE_S
-        while time.monotonic() < ends:
-            try:
-                for message in receiver.feed(os.read(fd, 4096)):
-                    return message
-            except BlockingIOError:
-                time.sleep(0.005)
+        receiver = FrameReceiver()
+        while select.select([fd], [], [], DEADLINE_S)[0]:
+            for message in receiver.feed(os.read(fd, 4096)):
+                return message
     finally:
         os.close(fd)
     raise AssertionError("no answer")
