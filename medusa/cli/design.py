@@ -40,6 +40,9 @@ def design(
     speed: float = typer.Option(None, help="A speed in degrees/s to be held at this sample period."),
     acceleration: float = typer.Option(None, help="An acceleration in degrees/s² to be held."),
     search: bool = typer.Option(False, "--search", help="Search the best bytes, too."),
+    timers: str = typer.Option(
+        "", metavar="T,T,...", help="Search at these sample timers, too; the best is named."
+    ),
     figures: Annotated[Path | None, typer.Option(metavar="DIR", help="Draw figures 6.5–6.7 there.")] = None,
 ) -> None:
     """Design the servo loops from physical constants: plants, filters, bytes, velocity gains, speeds.
@@ -60,13 +63,14 @@ def design(
         from medusa.servo.design import design_servo
         from medusa.servo.margins import margins
         from medusa.servo.position_filter import check_stable
-        from medusa.servo.search import search_filter
+        from medusa.servo.search import best_timer, search_filter, search_timers
         from medusa.servo.thesis import JOINTS
         from medusa.servo.trials import assess
 
         changes = {key: _positive(key, value) for key, value in given.items() if value is not None}
         changes |= _encoder(lines, gear)
         registers = read_bytes(options, bytes_)
+        others = _timers(timers)
         designs: dict[str, ServoDesign] = {}
         document: dict[str, Any] = {}
         tried: list[dict[str, Any]] = []
@@ -90,6 +94,10 @@ def design(
                 candidates["given"] = registers
             if search:
                 candidates["searched"] = search_filter(plant, timer).registers
+            if others:
+                found = search_timers(plant, others)
+                best = best_timer(found)
+                candidates |= {"best T" if t == best else f"T = {t}": c.registers for t, c in found.items()}
             for label, bytes_of in candidates.items():
                 margin = margins(plant.at_timer(bytes_of.timer), bytes_of.filter)
                 tried.append(_judged(name, label, assess(plant, bytes_of), margin))
@@ -116,6 +124,17 @@ def _positive(key: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0):
         raise CommandError(f"{key.replace('_', '-')} = {value:g} must be above 0")
     return value
+
+
+def _timers(text: str) -> list[int]:
+    from medusa.errors import CommandError
+
+    timers = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")] if text else []
+    if not all(7 <= timer <= 255 for timer in timers):
+        raise CommandError(
+            f"--timers {text}: sample timers are whole numbers from 7 to 255, with commas between"
+        )
+    return timers
 
 
 def _encoder(lines: float | None, gear: float | None) -> dict[str, float]:

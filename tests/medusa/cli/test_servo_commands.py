@@ -29,6 +29,13 @@ def test_design_regenerates_the_tables_and_says_which_bytes_realise_the_filters(
         assert bound in text
 
 
+def test_design_searches_the_sample_period_too(ctl: Ctl) -> None:
+    tried = ctl("--json", "design", "pan", "--timers", "170,255").json["bytes"]
+    assert {row["bytes"]: row["T"] for row in tried} == {"thesis": 255, "best T": 170, "T = 255": 255}
+    refused = ctl("design", "pan", "--timers", "170,3")
+    assert (refused.code, "whole numbers from 7 to 255" in refused.err) == (2, True)
+
+
 def test_design_draws_the_three_figures(ctl: Ctl, tmp_path: Path) -> None:
     ended = ctl("--json", "design", "vergence", "--figures", str(tmp_path / "f"))
     assert ended.code == 0
