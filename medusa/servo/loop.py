@@ -227,13 +227,3 @@ def simulate_linear(
         error = target - position
         position, velocity = plant.advance(position, velocity, drive, period)
     return out
-
-
-def joint_behind_backlash(motor: Floats, gap: float) -> Floats:
-    """Joint position behind a play of `gap` (same unit), starting in its middle. Shape as `motor`."""
-    out = np.empty_like(motor)
-    joint = motor[0]
-    for n, position in enumerate(motor):
-        joint = np.minimum(np.maximum(joint, position - gap / 2), position + gap / 2)
-        out[n] = joint
-    return out

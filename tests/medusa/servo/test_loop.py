@@ -7,7 +7,6 @@ import pytest
 
 from medusa.servo.loop import (
     MotorModel,
-    joint_behind_backlash,
     simulate_batch,
     simulate_linear,
     simulate_position,
@@ -146,8 +145,3 @@ def test_dac_is_truncated_toward_zero_and_clamped() -> None:
     for step, expected in ((1, 1), (-1, -1), (3, 3), (90, 112), (200, 127), (-200, -128)):
         record = simulate_position(plant, FilterRegisters(0, 0, 5, 255), [step], start=0.5)
         assert record.dac[0] == expected  # trunc(1.25 X)
-
-
-def test_backlash_holds_the_joint_until_the_play_is_taken_up() -> None:
-    joint = joint_behind_backlash(np.array([0.0, 1.0, 3.0, 2.0, 0.0, -1.0]), gap=2.0)
-    assert joint.tolist() == [0.0, 0.0, 2.0, 2.0, 1.0, 0.0]
