@@ -19,6 +19,8 @@ Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
+NOISE_FLOOR = 0.5
+"""No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
 LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
 LINE_SLACK = 3.0
@@ -61,9 +63,9 @@ def refine(
 ) -> tuple[Field, Field, Field, Field]:
     """Measure what is left of the disparity on the error surface (2.8) and turn it into inverse depth.
 
-    The measurement d = (û, v̂) has the covariance Q of the error surface, to which the soft epipolar term
-    adds σ_ep² across the line. With the vector c = (|C|, 0) it gives ρ = ρ₀ + cᵀQ⁻¹d/cᵀQ⁻¹c and
-    the variance 1/cᵀQ⁻¹c: an edge along the motion has no say.
+    The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
+    covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
+    line would do to it is part of its variance.
 
     Returns:
         The measurement and its variance, NaN where the error surface has no minimum; |C|, the pixels a unit of
@@ -73,16 +75,17 @@ def refine(
     projection = geometry.project(inverse_depth)
     _, _, worth = epipolar_axes(projection)
     surface = sample_surface(window, other, projection, settings.surface_step)
-    power = np.maximum(surface.least / (window.pixels - 1), np.float32(2 * noise**2))
-    uu, uv, vv = surface.covariance(power * np.float32(settings.noise_factor**2))
-    off_line = np.float32(line_error(surface.v, vv) ** 2)
-    uu = uu + np.float32(settings.bias_px**2) + off_line
-    vv = vv + (np.float32(settings.bias_px**2 + settings.epipolar_std_px**2) + off_line)
+    floor = np.float32(2 * (NOISE_FLOOR * noise) ** 2)
+    weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
+    weight = weight / np.float32(settings.epipolar_std_px**2)
+    shift, _, least = surface.minimum(weight)
+    power: Field = np.maximum(least / (window.pixels - 1), floor) * np.float32(settings.noise_factor**2)
+    spread, _, _ = surface.covariance(power, weight)
+    _, across, _ = surface.minimum()
+    off_line = np.float32(line_error(across, surface.covariance(power)[2]) ** 2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # (Q⁻¹ c)/(cᵀ Q⁻¹ c) = (1, −uv/vv)/|C|
-        shift = surface.u - uv / vv * surface.v
-        variance = (uu - uv * uv / vv) / (worth * worth)
-        found = (np.abs(shift) <= 1.5) & (np.abs(surface.v) <= 1.5) & np.isfinite(variance) & (worth > 1e-6)
+        variance = (spread + np.float32(settings.bias_px**2) + off_line) / (worth * worth)
+        found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6)
         value = inverse_depth + shift / worth
     void = np.float32(np.nan)
     drift = np.asarray(off_line / np.square(np.maximum(worth, np.float32(1e-6))), np.float32)
@@ -124,7 +127,9 @@ def match_pair(
     calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
-    disparity, spread, reach = fill_voids(kept, choice.hidden)
+    slope = geometry.project(choice.inverse_depth)
+    level = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
+    disparity, spread, reach = fill_voids(kept, choice.hidden, level)
     flat = flatten_steps(disparity)
     fine, fine_variance, worth, drift = refine(
         calm, calm_other, geometry, flat * choice.spacing, settings, noise

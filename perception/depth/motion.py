@@ -49,7 +49,9 @@ class Motion:
         twist[:3, :3] = -np.array([[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]])
         twist[:3, 3] = -np.asarray(velocity, float)
         step = twist * period / 1024
-        transform = np.eye(4) + step + step @ step / 2 + step @ step @ step / 6 + step @ step @ step @ step / 24
+        transform = (
+            np.eye(4) + step + step @ step / 2 + step @ step @ step / 6 + step @ step @ step @ step / 24
+        )
         for _ in range(10):
             transform = transform @ transform
         return cls(transform[:3, :3], transform[:3, 3])

@@ -34,45 +34,59 @@ def disparity_variance(least: Field, curvature: Field, pixels: int) -> Field:
 
 @dataclass(frozen=True)
 class Quadric:
-    """The error surface near its minimum: place (u, v), Hessian and value; arrays height × width."""
+    """The error surface around the predicted place: value, slopes and curvatures; arrays height × width.
 
-    u: Field
-    v: Field
+    Every question takes the weight λ_ep of the soft epipolar term λ_ep v² of (2.7), which is added to it.
+    """
+
+    value: Field
+    slope_u: Field
+    slope_v: Field
     uu: Field
     uv: Field
     vv: Field
-    least: Field
 
-    def covariance(self, noise_power: Field) -> tuple[Field, Field, Field]:
+    def minimum(self, epipolar_weight: Field | float = 0.0) -> tuple[Field, Field, Field]:
+        """Place (u, v) of the minimum and the value there; NaN where the surface has none."""
+        vv, determinant = self._with_line(epipolar_weight)
+        void = np.float32(np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            good = (determinant > 0) & (self.uu > 0)
+            u = np.where(good, (self.uv * self.slope_v - vv * self.slope_u) / determinant, void)
+            v = np.where(good, (self.uv * self.slope_u - self.uu * self.slope_v) / determinant, void)
+        least = np.maximum(self.value + np.float32(0.5) * (self.slope_u * u + self.slope_v * v), 0)
+        return u, v, least
+
+    def covariance(
+        self, noise_power: Field, epipolar_weight: Field | float = 0.0
+    ) -> tuple[Field, Field, Field]:
         """The 2×2 covariance 2 s² H⁻¹ (uu, uv, vv): (2.11) along every direction at once.
 
-        noise_power s² is q_min/(N − 1) or whatever is known better. Infinite where H is not positive.
+        noise_power s² is q_min/(N − 1) or whatever is known better. Infinite where the surface has no minimum.
         """
-        determinant = self.uu * self.vv - self.uv * self.uv
+        vv, determinant = self._with_line(epipolar_weight)
         good = (determinant > 0) & (self.uu > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(good, 2 * noise_power / determinant, np.float32(0))
         far = np.float32(np.inf)
-        return np.where(good, self.vv * gain, far), -self.uv * gain, np.where(good, self.uu * gain, far)
+        return np.where(good, vv * gain, far), -self.uv * gain, np.where(good, self.uu * gain, far)
+
+    def _with_line(self, epipolar_weight: Field | float) -> tuple[Field, Field]:
+        vv = self.vv + np.asarray(2 * epipolar_weight, np.float32)
+        return vv, self.uu * vv - self.uv * self.uv
 
 
 def fit_quadric(q: dict[tuple[int, int], Field], step: float) -> Quadric:
     """The quadric through the seven values at (0, 0), (±1, 0), (0, ±1), (1, 1), (−1, −1) steps.
 
     Its minimum is the common one of both axes, not that of two separate parabolas: for an oblique edge
-    they differ. NaN where the surface has no minimum there.
+    they differ.
     """
     middle = q[0, 0]
     scale = np.float32(1 / step**2)
     uu = (q[1, 0] - 2 * middle + q[-1, 0]) * scale
     vv = (q[0, 1] - 2 * middle + q[0, -1]) * scale
     uv = (q[1, 1] + q[-1, -1] - q[1, 0] - q[-1, 0] - q[0, 1] - q[0, -1] + 2 * middle) * (scale / 2)
-    along = (q[1, 0] - q[-1, 0]) * np.float32(0.5 / step)
-    across = (q[0, 1] - q[0, -1]) * np.float32(0.5 / step)
-    determinant = uu * vv - uv * uv
-    with np.errstate(divide="ignore", invalid="ignore"):
-        good = (determinant > 0) & (uu > 0)
-        u = np.where(good, (uv * across - vv * along) / determinant, np.float32(np.nan))
-        v = np.where(good, (uv * along - uu * across) / determinant, np.float32(np.nan))
-    least = np.maximum(middle + np.float32(0.5) * (along * u + across * v), 0)
-    return Quadric(u, v, uu, uv, vv, least)
+    slope_u = (q[1, 0] - q[-1, 0]) * np.float32(0.5 / step)
+    slope_v = (q[0, 1] - q[0, -1]) * np.float32(0.5 / step)
+    return Quadric(middle, slope_u, slope_v, uu, uv, vv)

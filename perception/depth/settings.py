@@ -20,9 +20,7 @@ class Settings:
     """Levels of the Gaussian pyramid (2.5)."""
     max_hypotheses: float = 12e6
     """More planes times pixels than this are not searched on the finest level but on the next coarser one."""
-    sweep_radius: int = 2
-    """Half the window of the sweep."""
-    bend: float = 0.3
+    bend: float = 0.4
     jump: float = 1.5
     """Cost of a bend and of a jump of the weak string, as parts of the greatest matching cost."""
     stiffness: float = 0.1
@@ -47,11 +45,11 @@ class Settings:
     strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 12
-    bias_px: float = 0.025
+    bias_px: float = 0.031
     """What interpolation and the shape of the window leave as error of a match whatever the noise."""
-    noise_factor: float = 0.9
+    noise_factor: float = 1.1
     """By how much the deviation of a match exceeds what (2.11) says."""
-    drift: float = 0.005
+    drift: float = 0.003
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
     gate: float = 3.0
     """Standard deviations beyond which a prediction and a measurement are two surfaces."""

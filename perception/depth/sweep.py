@@ -17,26 +17,25 @@ Volume = NDArray[np.int16]
 
 WORST = 510
 """The greatest cost of a pixel: two slopes that differ by the whole range."""
+WINDOWS = (3, 7)
+"""Sides of the two windows whose means are averaged: the small one finds the edges, the large one bears noise."""
 WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 
 
-def sweep_planes(
-    base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[np.float64], radius: int = 2
-) -> Volume:
+def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[np.float64]) -> Volume:
     """Matching costs, 0 (alike) to 510, of the base pixels on each plane.
 
     Args:
         base, other: equalised slopes, height × width × 2.
         geometry: from the base view to the other.
         planes: inverse depths, 1/m.
-        radius: half the window.
 
     Returns:
         height × planes × width, so that one row with all its planes lies together.
     """
     height, width = base.shape[:2]
     costs = np.empty((height, len(planes), width), np.int16)
-    side = (2 * radius + 1, 2 * radius + 1)
+    small, large = ((side, side) for side in WINDOWS)
     for k, inverse_depth in enumerate(planes):
         warped = cv2.warpPerspective(
             other,
@@ -46,8 +45,9 @@ def sweep_planes(
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=(127, 127),
         )
-        difference = cv2.blur(cv2.absdiff(base, warped), side)
-        pair = difference.view(np.uint16)[..., 0]
+        difference = cv2.absdiff(base, warped)
+        mean = cv2.addWeighted(cv2.blur(difference, small), 0.5, cv2.blur(difference, large), 0.5, 0)
+        pair = mean.view(np.uint16)[..., 0]
         costs[:, k] = (pair & 255) + (pair >> 8)
     return costs
 

@@ -50,7 +50,6 @@ def choose_planes(
         equalised_slopes(calm_other, noise),
         geometry,
         planes,
-        settings.sweep_radius,
     )
     alone = costs
     if np.isfinite(predicted.value).any():

@@ -18,11 +18,17 @@ def _nearest_before(values: Field) -> tuple[Field, Field]:
     )
 
 
-def fill_voids(inverse_depth: Field, hidden: Mask) -> tuple[Field, Field, Field]:
+def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, Field, Field]:
     """Fill NaN from the nearest values to the left, right, above and below.
 
-    A hidden pixel takes the second farthest of the four (the farthest alone would spread every stray point
-    that is too far), any other void, as at the border where the other picture ends, the nearest in the picture.
+    What is hidden lies beside the surface that hides it, along the epipolar line: it takes the farther of the two
+    values on that line. Any other void, as at the border where the other picture ends, takes the nearest in the
+    picture.
+
+    Args:
+        inverse_depth: NaN where it is void.
+        hidden: which voids are hidden from the other picture.
+        level: where the epipolar line runs rather along the row than along the column.
 
     Returns:
         The filled map, the spread of the candidates (greatest − least) and the distance in pixels to the
@@ -44,10 +50,12 @@ def fill_voids(inverse_depth: Field, hidden: Mask) -> tuple[Field, Field, Field]
     column = np.arange(candidates.shape[1])
     close = candidates[np.argmin(away, axis=0), column]
     distance = np.min(away, axis=0)
-    candidates.sort(axis=0)
+    along = np.where(
+        level[void], np.fmin(candidates[0], candidates[1]), np.fmin(candidates[2], candidates[3])
+    )
     count = np.isfinite(candidates).sum(axis=0)
-    far = candidates[np.where(count >= 2, 1, 0), column]
-    width = candidates[np.maximum(count - 1, 0), column] - candidates[0]
+    far = np.where(np.isfinite(along), along, close)
+    width = np.fmax.reduce(candidates) - np.fmin.reduce(candidates)
     lonely = count == 0
     overall = np.float32(np.nanmedian(inverse_depth))
     filled, spread, reach = inverse_depth.copy(), zero, np.zeros_like(inverse_depth)
