@@ -162,11 +162,13 @@ def test_five_views_of_tsukuba() -> None:
     views = read_tsukuba()
     if views is None:
         pytest.skip("../shared/data/stereo_tsukuba is not there")
-    result = score_views(run_views(views, [0, 1, 4, 3, 2], LATERAL)[-1], views)
-    # the criterion 2, met with the reference frame; see docs/depth.md
-    anchored = score_views(run_views(views, [2, 0, 1, 3, 4], LATERAL, anchored=True)[-1], views)
-    assert min(result["bad_1"], anchored["bad_1"]) < 4.6
-    assert min(result["density"], anchored["density"]) >= 99
+    # the criterion 2 in its form with a reference frame; the map carried to view 3 stands in docs/depth.md
+    result = score_views(run_views(views, [2, 0, 1, 3, 4], LATERAL, anchored=True)[-1], views)
+    assert result["bad_1"] < 4.6
+    assert result["density"] >= 99
+    # carried through four warps it is worse by less than two points
+    carried = score_views(run_views(views, [0, 1, 4, 3, 2], LATERAL)[-1], views)
+    assert carried["bad_1"] < result["bad_1"] + 2
 
 
 def test_single_pairs_are_better_than_block_matching() -> None:
