@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, get_type_hints
 
 import msgspec
 
@@ -147,6 +147,7 @@ class Bench:
             inspect.signature(call).bind(**arguments)
         except TypeError as error:
             raise UnknownVerb(f"{verb}{_arguments(call)}: {error}") from None
+        _check_types(call, arguments)
         self._advance()
         logger.info("inject %s %s", verb, arguments)
         try:
@@ -212,6 +213,16 @@ def _rearm_all(lines: Sequence[Line]) -> Callable[[], None]:
 
 def _arguments(call: Callable[..., Any]) -> str:
     return str(inspect.signature(call).replace(return_annotation=inspect.Signature.empty))
+
+
+def _check_types(call: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    hints = get_type_hints(call)
+    for name, value in arguments.items():
+        try:
+            msgspec.convert(value, hints.get(name, Any))
+        except msgspec.ValidationError as error:
+            told = str(error)
+            raise ValueError(f"{name} = {value!r}: {told[:1].lower()}{told[1:]}") from None
 
 
 def _positive(name: str, value: float) -> float:

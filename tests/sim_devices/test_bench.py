@@ -139,6 +139,13 @@ async def test_a_verb_that_there_is_not_is_refused_with_those_that_there_are(ver
             bench.inject(verb, **arguments)
 
 
+async def test_an_argument_of_another_kind_is_refused_with_its_name_and_value():
+    machine = Machine()
+    async with Bench({"part": machine}) as bench:
+        with pytest.raises(ValueError, match="loud = 'perhaps': expected `bool`, got `str`"):
+            bench.inject("part.say", text="x", loud="perhaps")
+
+
 async def test_a_verb_may_refuse_and_a_line_must_exist():
     async with Bench({"machine": Machine()}) as bench:
         with pytest.raises(ValueError, match="it will not"):
