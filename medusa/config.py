@@ -17,8 +17,6 @@ AxisName = Literal["pan", "tilt", "left_vergence", "right_vergence"]
 
 CHIP_CLOCK_HZ = 2_000_000
 """Clock of the HCTL-1100 on the board; the HELLO of each board is compared with it."""
-MAX_COUNTS_PER_SAMPLE = 127
-MAX_ACCELERATION_256 = 0x7FFF
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
 Degrees = Annotated[float, Meta(ge=-180.0, le=180.0)]

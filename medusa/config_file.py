@@ -144,11 +144,3 @@ def write_keys(path: str | Path, values: Mapping[str, Any]) -> HeadConfig:
     config = parse_config(text, str(path))
     replace_file(path, text)
     return config
-
-
-def write_template(path: str | Path) -> None:
-    """Write the template to a new file; ConfigError when one is there: nobody's limits are overwritten."""
-    path = Path(path)
-    if path.exists():
-        raise ConfigError(str(path), "", None, "is there already; it is not overwritten")
-    replace_file(path, template())

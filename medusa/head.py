@@ -8,8 +8,8 @@ from typing import Literal
 
 from medusa.axis import Axis
 from medusa.completion import complete
-from medusa.config import AXIS_NAMES, HeadConfig
-from medusa.errors import CommandError, DeviceFault, MedusaError
+from medusa.config import AXIS_NAMES, CHIP_CLOCK_HZ, HeadConfig
+from medusa.errors import CommandError, DeviceFault, MedusaError, ProtocolError
 from medusa.fault_watch import FaultWatch
 from medusa.faults import FaultHub
 from medusa.homing import HomingResult, home_head
@@ -109,6 +109,12 @@ class Head:
     async def _connected(self) -> AsyncIterator[None]:
         try:
             await asyncio.gather(*(board.open() for board in self.boards.values()))
+            for address, board in self.boards.items():
+                if board.clock_hz != CHIP_CLOCK_HZ:
+                    raise ProtocolError(
+                        f"board {address:02X}H: its chips run at {board.clock_hz} Hz, not at {CHIP_CLOCK_HZ} Hz, for"
+                        " which the configuration's speeds were checked"
+                    )
             await self._recall_homing()
             yield
         except BaseException as ended:

@@ -134,11 +134,6 @@ class Hctl1100:
         self.origin = self.count - position
         self.previous = position
 
-    def hold_encoder(self, count: int) -> None:
-        """Go on from the present position with another encoder count, the counts between them lost."""
-        self.origin += count - self.count
-        self.count = count
-
     def latch_position(self) -> None:
         """Latch 12H–14H, as reading 14H does."""
         self._position_latch = self.actual

@@ -107,11 +107,6 @@ MARK_LENGTH = 4
 MOTOR_COMMAND_ZERO = 0x80
 POSITION_MIN, POSITION_MAX = -(2**23), 2**23 - 1
 
-READ_ONLY = frozenset({0x12, 0x14, 0x34, 0x35})
-WRITE_ONLY = frozenset({0x05, 0x15, 0x16, 0x17})
-COMMUTATOR = frozenset(range(0x18, 0x20))
-KNOWN = frozenset(Register) | COMMUTATOR
-
 MOVING = frozenset({0x00, 0x05, 0x08, 0x09, 0x0C, 0x0D, 0x0E, 0x23, 0x24, 0x3C})
 """Registers whose writing can move an axis: the link withdraws such a write before a stop."""
 

@@ -6,7 +6,6 @@ from enum import IntEnum
 from functools import lru_cache
 from typing import NamedTuple
 
-DELIMITER = 0
 LONGEST_MESSAGE = 68
 LONGEST_FRAME = 72
 _CODES = [bytes((length + 1,)) for length in range(254)]

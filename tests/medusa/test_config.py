@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from medusa.config_file import load_config, parse_config, template, write_keys, write_template
+from medusa.config_file import load_config, parse_config, template, write_keys
 from medusa.config_simulated import simulated_config, simulated_toml, simulated_values
 from medusa.errors import ConfigError
 from medusa.mc3000 import Filter, Mode
@@ -157,11 +157,3 @@ def test_a_full_disk_loses_nothing(tmp_path: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
     assert path.read_text() == simulated_toml()
     assert [entry.name for entry in tmp_path.iterdir()] == ["head.toml"]
-
-
-def test_init_does_not_overwrite(tmp_path: Path) -> None:
-    path = tmp_path / "head.toml"
-    write_template(path)
-    assert path.read_text() == template()
-    with pytest.raises(ConfigError, match="is there already"):
-        write_template(path)
