@@ -33,7 +33,7 @@ def waves(seed: int, shortest: float, longest: float, count: int = 48) -> Callab
         total = np.zeros(len(flat), np.float32)
         for k in range(count):
             total += np.cos(flat @ wave[k] + phase[k])
-        return (total * np.sqrt(2 / count)).reshape(points.shape[:-1]).astype(np.float64)
+        return np.asarray((total * np.sqrt(2 / count)).reshape(points.shape[:-1]), np.float64)
 
     return texture
 
@@ -244,7 +244,9 @@ def sea_bed(
     return film("sea bed", scene, camera, size, poses, noise, lambda i: 1 + 0.2 * np.sin(1.7 * i), seed=seed)
 
 
-def stripes(frames: int = 8, turn: int = 4, noise: float = 1.0, size: tuple[int, int] = (160, 120)) -> Sequence:
+def stripes(
+    frames: int = 8, turn: int = 4, noise: float = 1.0, size: tuple[int, int] = (160, 120)
+) -> Sequence:
     """A wall of upright stripes with a board of level ones before it; the camera moves right, from `turn` on up."""
     focal = size[0] * 1.0
     camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
@@ -255,7 +257,9 @@ def stripes(frames: int = 8, turn: int = 4, noise: float = 1.0, size: tuple[int,
     def texture(points: Array) -> Array:
         board = points[..., 2] < 1.75
         # Not quite level and upright: a stripe exactly along the motion says nothing at all.
-        along = np.where(board, points[..., 1] + 0.03 * points[..., 0], points[..., 0] + 0.03 * points[..., 1])
+        along = np.where(
+            board, points[..., 1] + 0.03 * points[..., 0], points[..., 0] + 0.03 * points[..., 1]
+        )
         return np.asarray(np.cos(2 * np.pi * along[..., None] / length + phase).sum(axis=-1) / np.sqrt(6))
 
     right, down = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -270,6 +274,8 @@ def approach(frames: int = 5, noise: float = 1.0, size: tuple[int, int] = (160, 
     focal = size[0] * 0.9
     camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     right, down, away = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    scene = Scene((Plane((0, 0.8, 0), right, away), Plane((0, 0, 5.0), right, down)), waves(7, 10.0 * 3 / focal, 1.0))
+    scene = Scene(
+        (Plane((0, 0.8, 0), right, away), Plane((0, 0, 5.0), right, down)), waves(7, 10.0 * 3 / focal, 1.0)
+    )
     poses = [place(0.02 * i, 0, 0.3 * i, yaw=0.01 * i) for i in range(frames)]
     return film("approach", scene, camera, size, poses, noise)
