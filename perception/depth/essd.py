@@ -50,19 +50,19 @@ class BaseWindow:
     ) -> None:
         self.grey = grey
         self.equalisation = equalisation
-        self._sides = (2 * radius + 1,) if window is Window.FLAT else (radius + 1, radius + 1)
-        profile = np.ones(1)
-        for side in self._sides:
-            profile = np.convolve(profile, np.ones(side) / side)
-        self.pixels = round(1 / float(np.sum(profile**2)) ** 2)
+        offsets = np.abs(np.arange(-radius, radius + 1))
+        profile = np.ones(2 * radius + 1) if window is Window.FLAT else radius + 1.0 - offsets
+        self._profile = (profile / profile.sum()).astype(np.float32)
+        self.pixels = round(1 / float(np.sum(self._profile**2)) ** 2)
         """N: the pixels of the flat window that averages noise as well."""
         self.mean = self._average(grey)
         self.variance = np.maximum(self._average(grey * grey) - self.mean * self.mean, 0)
 
     def _average(self, image: Field) -> Field:
-        for side in self._sides:
-            image = np.asarray(cv2.blur(image, (side, side), borderType=cv2.BORDER_REFLECT_101), np.float32)
-        return image
+        return np.asarray(
+            cv2.sepFilter2D(image, -1, self._profile, self._profile, borderType=cv2.BORDER_REFLECT_101),
+            np.float32,
+        )
 
     def sum_of_squares(self, warped: Field) -> Field:
         """Σ φ [I_t − equalised I_{t+τ}]² over the window, Σ φ = N; height × width, grey levels squared."""

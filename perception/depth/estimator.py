@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.carry import carry_map
 from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
 from perception.depth.intrinsics import Intrinsics
@@ -15,6 +16,7 @@ from perception.depth.matching import match_pair
 from perception.depth.motion import Motion
 from perception.depth.search_range import search_range
 from perception.depth.settings import DEFAULT, Settings
+from perception.depth.view import View
 from perception.depth.warp import warp_map
 
 Field = NDArray[np.float32]
@@ -64,7 +66,7 @@ class DepthFromMotion:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored
-        self._kept: Field | None = None
+        self._kept: View | None = None
         self._state: InverseDepth | None = None
         self._colour = False
 
@@ -75,12 +77,10 @@ class DepthFromMotion:
 
     def start(self, image: NDArray[np.uint8]) -> DepthMap:
         """Take the first picture."""
-        self._kept = as_grey(image)
+        self._kept = View(as_grey(image))
         self._colour = image.ndim == 3
-        shape, settings = (self._kept.shape[0], self._kept.shape[1]), self.settings
-        self._state = InverseDepth.unknown(shape)
-        if settings.literal:
-            self._state = self._presumed(shape)
+        shape = self._kept.shape
+        self._state = self._presumed(shape) if self.settings.literal else InverseDepth.unknown(shape)
         return DepthMap(self._state, False, 0.0)
 
     def step(self, image: NDArray[np.uint8], motion: Motion) -> DepthMap:
@@ -95,26 +95,22 @@ class DepthFromMotion:
         """
         if self._kept is None or self._state is None:
             raise ImageError("the first picture is given to start(), not to step()")
-        grey = as_grey(image)
-        self._check(image, grey)
-        shape = (grey.shape[0], grey.shape[1])
+        view = View(as_grey(image))
+        self._check(image, view)
+        shape = view.shape
         if self.anchored:
-            predicted, base, other, geometry = (
-                self._state,
-                self._kept,
-                grey,
-                Epipolar(self.camera, motion, shape),
-            )
+            predicted, base, other = self._state, self._kept, view
+            geometry = Epipolar(self.camera, motion, shape)
         else:
-            predicted = self._predict(motion, shape)
-            base, other, geometry = grey, self._kept, Epipolar(self.camera, motion.inverse(), shape)
-            self._kept = grey
+            predicted, base, other = self._predict(motion, shape), view, self._kept
+            geometry = Epipolar(self.camera, motion.inverse(), shape)
+            self._kept = view
         near, far = 1 / self.settings.near, 1 / self.settings.far
         if geometry.parallax(near, far) < LEAST_PARALLAX_PX:
             self._state = predicted
             return DepthMap(predicted, False, 0.0)
         if self.settings.literal:
-            measured = match_literally(base, other, geometry, predicted, self.settings)
+            measured = match_literally(base.grey, other.grey, geometry, predicted, self.settings)
             everywhere = np.isfinite(measured.value)
             infinite = np.full(shape, np.inf, np.float32)
             self._state = fuse(predicted, measured, everywhere, float("inf"), infinite)
@@ -131,7 +127,7 @@ class DepthFromMotion:
         moved = Epipolar(self.camera, motion, shape).project(self._state.value)
         predicted = predict_inverse_depth(self._state, moved, self.settings.drift)
         if not self.settings.literal:
-            return warp_map(predicted, moved)
+            return carry_map(predicted, moved)
         warped, start = warp_map(predicted, moved, reach=2, independent=True), self._presumed(shape)
         void = ~np.isfinite(warped.value)
         return InverseDepth(
@@ -148,12 +144,12 @@ class DepthFromMotion:
             np.full(shape, value, np.float32), np.full(shape, spread, np.float32), np.zeros(shape, np.float32)
         )
 
-    def _check(self, image: NDArray[np.uint8], grey: Field) -> None:
+    def _check(self, image: NDArray[np.uint8], view: View) -> None:
         assert self._kept is not None
-        if grey.shape != self._kept.shape:
+        if view.shape != self._kept.shape:
             height, width = self._kept.shape
             raise ImageError(
-                f"a picture of {grey.shape[1]}×{grey.shape[0]} after one of {width}×{height}: all must have one size"
+                f"a picture of {view.shape[1]}×{view.shape[0]} after one of {width}×{height}: all must have one size"
             )
         if (image.ndim == 3) != self._colour:
             kinds = ("grey", "colour")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from perception.depth.epipolar import Epipolar, Projection
 from perception.depth.essd import BaseWindow, epipolar_axes
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.membrane import Springs, relax_membrane
+from perception.depth.membrane import Springs, relax_membrane, relaxed_variance
 from perception.depth.parabola import disparity_variance, fit_parabola
 from perception.depth.pyramid import build_pyramid, enlarge
 from perception.depth.settings import Settings
@@ -114,8 +114,10 @@ def _search(
     variance_v = np.maximum(disparity_variance(least_v, curve_v, window.pixels), LEAST_VARIANCE)
     springs = Springs.even((base.shape[0], base.shape[1]))
     strength, iterations = settings.strength, settings.membrane_iterations
-    smooth_u, spread_u = relax_membrane(u + offset_u, variance_u, springs, strength, iterations, u, True)
-    smooth_v, spread_v = relax_membrane(v + offset_v, variance_v, springs, strength, iterations, v, True)
+    smooth_u = relax_membrane(u + offset_u, variance_u, springs, strength, iterations, u)
+    smooth_v = relax_membrane(v + offset_v, variance_v, springs, strength, iterations, v)
+    spread_u = relaxed_variance(u + offset_u, variance_u, springs, strength)
+    spread_v = relaxed_variance(v + offset_v, variance_v, springs, strength)
     return Displacements(smooth_u, smooth_v, spread_u, spread_v)
 
 

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.contrast import estimate_noise, smooth_against_noise
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
+from perception.depth.view import View
 from perception.depth.voids import fill_voids
 
 Field = NDArray[np.float32]
@@ -23,6 +23,8 @@ NOISE_FLOOR = 0.5
 """No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
 LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
+LINE_THINNING = 3
+"""Every third pixel, both ways, is enough to judge the motion by."""
 LINE_SLACK = 3.0
 """… when they stray by more than this many of their own standard deviations."""
 
@@ -51,6 +53,13 @@ def flatten_steps(disparity: Field, radius: int = 4, step: float = 0.5) -> Field
     return np.asarray(cv2.blur(keep, side) * disparity + cv2.blur((1 - keep) * mean, side), np.float32)
 
 
+def slant(disparity: Field) -> Field:
+    """Steepness of the disparity, pixels per pixel, over 5×5 pixels."""
+    across = cv2.Sobel(disparity, cv2.CV_32F, 1, 0, ksize=5, scale=1 / 128)
+    down = cv2.Sobel(disparity, cv2.CV_32F, 0, 1, ksize=5, scale=1 / 128)
+    return np.hypot(across, down).astype(np.float32)
+
+
 def jump_height(disparity: Field, radius: int) -> Field:
     """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
     window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
@@ -59,7 +68,7 @@ def jump_height(disparity: Field, radius: int) -> Field:
 
 
 def refine(
-    base: Field, other: Field, geometry: Epipolar, inverse_depth: Field, settings: Settings, noise: float
+    base: View, other: View, geometry: Epipolar, inverse_depth: Field, settings: Settings
 ) -> tuple[Field, Field, Field, Field]:
     """Measure what is left of the disparity on the error surface (2.8) and turn it into inverse depth.
 
@@ -71,18 +80,20 @@ def refine(
         The measurement and its variance, NaN where the error surface has no minimum; |C|, the pixels a unit of
         inverse depth is worth; and the variance of the inverse depth that the motion's error makes.
     """
-    window = BaseWindow(base, settings.window_radius, settings.equalisation, Window.TENT)
+    window = BaseWindow(base.calm, settings.window_radius, settings.equalisation, Window.TENT)
     projection = geometry.project(inverse_depth)
     _, _, worth = epipolar_axes(projection)
-    surface = sample_surface(window, other, projection, settings.surface_step)
-    floor = np.float32(2 * (NOISE_FLOOR * noise) ** 2)
+    surface = sample_surface(window, other.calm, projection, settings.surface_step)
+    floor = np.float32(2 * (NOISE_FLOOR * max(base.noise, other.noise)) ** 2)
     weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
     weight = weight / np.float32(settings.epipolar_std_px**2)
     shift, _, least = surface.minimum(weight)
     power: Field = np.maximum(least / (window.pixels - 1), floor) * np.float32(settings.noise_factor**2)
     spread, _, _ = surface.covariance(power, weight)
-    _, across, _ = surface.minimum()
-    off_line = np.float32(line_error(across, surface.covariance(power)[2]) ** 2)
+    sample = surface.thinned(LINE_THINNING)
+    _, across, _ = sample.minimum()
+    _, _, across_variance = sample.covariance(power[::LINE_THINNING, ::LINE_THINNING])
+    off_line = np.float32(line_error(across, across_variance) ** 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         variance = (spread + np.float32(settings.bias_px**2) + off_line) / (worth * worth)
         found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6)
@@ -107,8 +118,8 @@ def line_error(across: Field, variance: Field) -> float:
 
 
 def match_pair(
-    base: Field,
-    other: Field,
+    base: View,
+    other: View,
     geometry: Epipolar,
     lowest: float,
     highest: float,
@@ -118,38 +129,33 @@ def match_pair(
     """Match the base picture with the other one and regularise.
 
     Args:
-        base, other: grey pictures, height × width, grey levels.
+        base, other: the two pictures.
         geometry: from the base view to the other.
         lowest, highest: inverse depths between which to search.
         predicted: what is expected of the base view; NaN where nothing is.
     """
-    noise = max(estimate_noise(base), estimate_noise(other))
-    calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
     slope = geometry.project(choice.inverse_depth)
     level = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
     disparity, spread, reach = fill_voids(kept, choice.hidden, level)
     flat = flatten_steps(disparity)
-    fine, fine_variance, worth, drift = refine(
-        calm, calm_other, geometry, flat * choice.spacing, settings, noise
-    )
+    fine, fine_variance, worth, drift = refine(base, other, geometry, flat * choice.spacing, settings)
 
     drift = drift / choice.spacing**2
     blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+    blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack)
     jump = jump_height(disparity, settings.window_radius)
     refined = choice.sure & np.isfinite(fine) & (jump < 0.5)
     value = np.where(refined, fine / choice.spacing, disparity)
     variance = np.where(refined, fine_variance / choice.spacing**2, blunt)
-    variance += np.where(refined, np.float32(0), np.square(settings.jump_part * jump))
+    variance += np.where(
+        refined, np.square(settings.slant_bias * slant(flat)), np.square(settings.jump_part * jump)
+    )
     variance += np.square(settings.void_part * spread) + np.square(np.float32(0.1) * reach)
 
-    guide = np.asarray(cv2.GaussianBlur(base, (0, 0), 0.7), np.float32)
-    contrast = max(float(np.sqrt(np.mean(np.square(np.diff(guide, axis=1))))), noise)
-    springs = Springs.cut_at_edges(guide, contrast, disparity, settings.tear_px)
-    regular, _ = relax_membrane(
-        value, variance, springs, settings.strength, settings.membrane_iterations, value
-    )
+    springs = Springs.cut_at_edges(base.calm, max(base.contrast, base.noise), disparity, settings.tear_px)
+    regular = relax_membrane(value, variance, springs, settings.strength, settings.membrane_iterations, value)
     reach = choice.spacing * np.sqrt(np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift)
     return Match(
         InverseDepth(

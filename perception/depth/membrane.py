@@ -53,48 +53,52 @@ def relax_membrane(
     strength: float = 1.0,
     iterations: int = 20,
     start: Field | None = None,
-    independent: bool = False,
-) -> tuple[Field, Field]:
-    """Relax the membrane over measured disparities, thesis (2.16)–(2.18), and carry the variance along.
+) -> Field:
+    """Relax the membrane over measured disparities, thesis (2.16), (2.17).
 
     u ← (Σ w ū + λσ⁻² d) / (Σ w + λσ⁻²), first on the black, then on the white squares of the chess-board
-    (Gauss–Seidel). The variance follows the corrected (2.18), (16 var ū + w² σ²)/(4 + w)², w = λσ⁻².
+    (Gauss–Seidel).
 
     Args:
         measured: d, in pixels; NaN is a void.
         variance: σ² of d in px²; it is not looked at in voids.
         strength: λ.
         start: where the relaxation begins; the measurement, with voids at its median, by default.
-        independent: whether the neighbours' errors are independent, var ū = Σ var/16, as the thesis has it. The
-            windows of neighbours overlap, so by default they are taken to err together.
-        independent: var ū = Σ w² σ²/(Σ w)², errors independent, as (2.18) supposes. Overlapping windows make
-            neighbours err together; so by default all deviations are added as they are.
 
     Returns:
-        u and its variance, height × width each.
+        u, height × width.
     """
     known = np.isfinite(measured)
-    data = np.where(known, measured, np.float32(0))
-    weight = np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0).astype(
-        np.float32
-    )
     if start is None:
         middle = np.float32(np.median(measured[known])) if known.any() else np.float32(0)
         start = np.where(known, measured, middle)
-    ties = springs.gather(np.ones_like(data))
-    share = 1 / (ties + weight)
-    height, width = data.shape
+    weight = _data_weight(known, variance, strength)
+    share = 1 / (springs.gather(np.ones_like(weight)) + weight)
+    pull = weight * np.where(known, measured, np.float32(0))
+    height, width = measured.shape
     black = (np.add.outer(np.arange(height), np.arange(width)) & 1).astype(bool)
     u = start.astype(np.float32, copy=True)
-    pull = weight * data
     for _ in range(iterations):
         for squares in (black, ~black):
             np.copyto(u, (springs.gather(u) + pull) * share, where=squares)
+    return u
+
+
+def relaxed_variance(measured: Field, variance: Field, springs: Springs, strength: float = 1.0) -> Field:
+    """The variance of the relaxed disparity by the corrected (2.18), (16 var ū + w² σ²)/(4 + w)².
+
+    As in the thesis the neighbours' errors count as independent, var ū = Σ var/16. A void has the worst
+    variance there is.
+    """
+    known = np.isfinite(measured)
+    weight = _data_weight(known, variance, strength)
+    share = 1 / (springs.gather(np.ones_like(weight)) + weight)
     worst = np.float32(np.max(variance[known])) if known.any() else np.float32(0)
     spread = np.where(known, variance, worst).astype(np.float32)
-    if independent:
-        squared = Springs(springs.down * springs.down, springs.right * springs.right)
-        return u, np.asarray((squared.gather(spread) + weight * weight * spread) * share * share, np.float32)
-    deviation = np.sqrt(spread)
-    mixed = (springs.gather(deviation) + weight * deviation) * share
-    return u, np.asarray(mixed * mixed, np.float32)
+    squared = Springs(springs.down * springs.down, springs.right * springs.right)
+    return np.asarray((squared.gather(spread) + weight * weight * spread) * share * share, np.float32)
+
+
+def _data_weight(known: NDArray[np.bool_], variance: Field, strength: float) -> Field:
+    """λσ⁻², 0 in voids (footnote 3 of chapter 2)."""
+    return np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), np.float32(0))

@@ -71,6 +71,11 @@ class Quadric:
         far = np.float32(np.inf)
         return np.where(good, vv * gain, far), -self.uv * gain, np.where(good, self.uu * gain, far)
 
+    def thinned(self, step: int) -> "Quadric":
+        """Every `step`-th pixel both ways."""
+        parts = (self.value, self.slope_u, self.slope_v, self.uu, self.uv, self.vv)
+        return Quadric(*(part[::step, ::step] for part in parts))
+
     def _with_line(self, epipolar_weight: Field | float) -> tuple[Field, Field]:
         vv = self.vv + np.asarray(2 * epipolar_weight, np.float32)
         return vv, self.uu * vv - self.uv * self.uv

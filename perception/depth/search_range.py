@@ -2,24 +2,22 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.pyramid import build_pyramid
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_planes
+from perception.depth.view import View
 
-Field = NDArray[np.float32]
 WIDEST = 0.35
 """Greatest disparity searched, as a part of the picture's width."""
 MARGIN_PX = 2.0
 MARGIN_PART = 0.15
-"""Room for what comes nearer or into view: so many pixels, and this part of the nearest inverse depth."""
+"""Room for what comes nearer or into view: so many pixels, or this part of the nearest inverse depth."""
 
 
 def search_range(
-    base: Field, other: Field, geometry: Epipolar, predicted: InverseDepth, settings: Settings
+    base: View, other: View, geometry: Epipolar, predicted: InverseDepth, settings: Settings
 ) -> tuple[float, float]:
     """Least and greatest inverse depth worth searching, within the settings' `near` and `far`."""
     lowest, highest = 1 / settings.far, 1 / settings.near
@@ -28,23 +26,25 @@ def search_range(
         highest = max(highest * 0.9, lowest * 1.01)
     known = np.isfinite(predicted.value) & (predicted.cost < 1)
     if known.mean() > 0.4:
-        low, high = np.percentile(predicted.value[known], (0.5, 99.5))
+        low, high = np.percentile(predicted.value[::2, ::2][known[::2, ::2]], (0.5, 99.5))
     else:
         low, high = _coarse_range(base, other, geometry, lowest, highest, settings)
     margin = MARGIN_PX * (highest - lowest) / max(geometry.parallax(highest, lowest), 1e-6)
-    low, high = max(lowest, float(low) - margin), min(highest, float(high) * (1 + MARGIN_PART) + margin)
+    low, high = (
+        max(lowest, float(low) - margin),
+        min(highest, float(high) + max(margin, MARGIN_PART * float(high))),
+    )
     return (low, high) if high > low else (lowest, highest)
 
 
 def _coarse_range(
-    base: Field, other: Field, geometry: Epipolar, lowest: float, highest: float, settings: Settings
+    base: View, other: View, geometry: Epipolar, lowest: float, highest: float, settings: Settings
 ) -> tuple[float, float]:
-    level, level_other = build_pyramid(base, settings.levels)[-1], build_pyramid(other, settings.levels)[-1]
-    shape = (level.shape[0], level.shape[1])
+    level, level_other = base.level(settings.levels - 1), other.level(settings.levels - 1)
+    shape = level.shape
     coarse = Epipolar(geometry.camera.scaled(shape[1] / base.shape[1]), geometry.motion, shape)
-    choice = choose_planes(
-        level, level_other, coarse, coarse.planes(lowest, highest), InverseDepth.unknown(shape), settings
-    )
+    planes = coarse.planes(lowest, highest)
+    choice = choose_planes(level, level_other, coarse, planes, InverseDepth.unknown(shape), settings)
     sure = cv2.erode(choice.sure.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     if sure.mean() < 0.02:
         return lowest, highest

@@ -25,6 +25,10 @@ class Settings:
     """Cost of a bend and of a jump of the weak string, as parts of the greatest matching cost."""
     stiffness: float = 0.1
     """How fast the predicted depth loses its hold on the search away from it, a part of the greatest cost per χ²."""
+    distinctness: float = 0.07
+    """By how much the best plane should be cheaper than the mean; what lacks is added to its cost."""
+    vague_px: float = 3.0
+    """What a match without any distinctness is uncertain by, beside everything else."""
     window_radius: int = 4
     """Half the window of the error surface: a tent of 9×9, which averages like a flat 7×7."""
     surface_step: float = 0.6
@@ -44,10 +48,12 @@ class Settings:
     """Jump of the disparity that halves the membrane's spring."""
     strength: float = 4.0
     """λ of (2.15)."""
-    membrane_iterations: int = 12
-    bias_px: float = 0.031
+    membrane_iterations: int = 3
+    bias_px: float = 0.017
     """What interpolation and the shape of the window leave as error of a match whatever the noise."""
-    noise_factor: float = 1.1
+    slant_bias: float = 2.1
+    """… and what a slanted surface adds, pixels per pixel of slant."""
+    noise_factor: float = 0.92
     """By how much the deviation of a match exceeds what (2.11) says."""
     drift: float = 0.003
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""

@@ -5,6 +5,8 @@ the equalised slopes is summed over the window φ of (2.6). The candidates of a 
 points of its epipolar line.
 """
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +16,13 @@ from perception.depth.inverse_depth import InverseDepth
 
 Bytes = NDArray[np.uint8]
 Volume = NDArray[np.int16]
+Matrix = NDArray[np.float64]
+Picture = NDArray[Any]
 
 WORST = 510
 """The greatest cost of a pixel: two slopes that differ by the whole range."""
 WINDOWS = (3, 7)
 """Sides of the two windows whose means are averaged: the small one finds the edges, the large one bears noise."""
-WARP = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 
 
 def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[np.float64]) -> Volume:
@@ -37,19 +40,30 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
     costs = np.empty((height, len(planes), width), np.int16)
     small, large = ((side, side) for side in WINDOWS)
     for k, inverse_depth in enumerate(planes):
-        warped = cv2.warpPerspective(
-            other,
-            geometry.homography(float(inverse_depth)),
-            (width, height),
-            flags=WARP,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(127, 127),
-        )
+        warped = warp_plane(other, geometry.homography(float(inverse_depth)), cv2.INTER_LINEAR, 127)
         difference = cv2.absdiff(base, warped)
         mean = cv2.addWeighted(cv2.blur(difference, small), 0.5, cv2.blur(difference, large), 0.5, 0)
         pair = mean.view(np.uint16)[..., 0]
-        costs[:, k] = (pair & 255) + (pair >> 8)
+        cost = pair >> 8
+        pair &= 255
+        np.add(cost, pair, out=costs[:, k], casting="unsafe")
     return costs
+
+
+def warp_plane(image: Picture, homography: Matrix, interpolation: int, outside: int) -> Picture:
+    """The picture seen through a homography from the result's pixels to the picture's; `outside` where it ends."""
+    size = (image.shape[1], image.shape[0])
+    flags = interpolation | cv2.WARP_INVERSE_MAP
+    border, value = cv2.BORDER_CONSTANT, (outside, outside)
+    # A camera that neither turns nor moves forward gives affine maps, which cost less.
+    if np.abs(homography[2] / homography[2, 2] - (0, 0, 1)).max() < 1e-12:
+        affine = homography[:2] / homography[2, 2]
+        return np.asarray(
+            cv2.warpAffine(image, affine, size, flags=flags, borderMode=border, borderValue=value)
+        )
+    return np.asarray(
+        cv2.warpPerspective(image, homography, size, flags=flags, borderMode=border, borderValue=value)
+    )
 
 
 def admit_prediction(
@@ -67,9 +81,12 @@ def admit_prediction(
     spread = np.where(known, predicted.variance / np.float32(spacing**2), 0) + np.float32(0.25)
     slope = np.sqrt(np.float32(stiffness * WORST) / spread).astype(np.float32)
     floor = np.where(known, predicted.cost, np.float32(1)) * np.float32(WORST)
+    away, cost = np.empty_like(place), np.empty(place.shape, np.int16)
     for k in range(len(planes)):
-        away = (place - np.float32(k)) * slope
+        np.subtract(place, np.float32(k), out=away)
+        away *= slope
         away *= away
         away += floor
-        np.minimum(away, WORST, out=away)
-        np.minimum(costs[:, k], away.astype(np.int16), out=costs[:, k])
+        np.minimum(away, np.float32(WORST), out=away)
+        np.copyto(cost, away, casting="unsafe")
+        np.minimum(costs[:, k], cost, out=costs[:, k])

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.consistency import agree, backward_planes
-from perception.depth.contrast import equalised_slopes, estimate_noise, smooth_against_noise
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.pyramid import build_pyramid, enlarge
+from perception.depth.pyramid import enlarge
 from perception.depth.scanline import aggregate, choose, jump_costs
 from perception.depth.settings import Settings
 from perception.depth.sweep import WORST, admit_prediction, sweep_planes
+from perception.depth.view import View
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -23,41 +23,37 @@ Mask = NDArray[np.bool_]
 class Choice:
     """What the sweep chose, height × width.
 
-    Inverse depth; its cost in this pair alone, 0 to 1; whether the other picture confirmed it; whether it is
-    rather hidden there than out of view; and the distance of the planes in 1/m.
+    Inverse depth; its cost in this pair alone, 0 to 1; how far it lacks distinctness, 0 to 1; whether the other
+    picture confirmed it; whether it is rather hidden there than out of view; and the distance of the planes in 1/m.
     """
 
     inverse_depth: Field
     cost: Field
+    lack: Field
     sure: Mask
     hidden: Mask
     spacing: np.float32
 
 
 def choose_planes(
-    base: Field,
-    other: Field,
+    base: View,
+    other: View,
     geometry: Epipolar,
     planes: NDArray[np.float64],
     predicted: InverseDepth,
     settings: Settings,
 ) -> Choice:
     """Choose a plane for every pixel of the base picture."""
-    noise = max(estimate_noise(base), estimate_noise(other))
-    calm, calm_other = smooth_against_noise(base, noise), smooth_against_noise(other, noise)
-    costs = sweep_planes(
-        equalised_slopes(calm, noise),
-        equalised_slopes(calm_other, noise),
-        geometry,
-        planes,
-    )
+    costs = sweep_planes(base.slopes, other.slopes, geometry, planes)
     alone = costs
     if np.isfinite(predicted.value).any():
         alone = costs.copy()
         admit_prediction(costs, planes, predicted, settings.stiffness)
-    contrast = max(0.7 * float(np.sqrt(np.mean(np.square(np.diff(calm, axis=1))))), 2 * noise)
+    contrast = max(0.7 * base.contrast, 2 * base.noise)
     bend = int(settings.bend * WORST)
-    total = aggregate(costs, bend, jump_costs(calm, int(settings.jump * WORST), bend + bend // 5, contrast))
+    total = aggregate(
+        costs, bend, jump_costs(base.calm, int(settings.jump * WORST), bend + bend // 5, contrast)
+    )
     plane, place = choose(total)
     spacing = np.float32(planes[1] - planes[0])
     inverse_depth = np.asarray(np.float32(planes[0]) + place * spacing, np.float32)
@@ -65,13 +61,16 @@ def choose_planes(
     reachable = np.ones(base.shape, bool)
     for end in (planes[0], planes[-1]):
         reachable &= geometry.in_view(geometry.project(float(end)))
-    cost = np.take_along_axis(alone, plane[:, None, :], axis=1)[:, 0].astype(np.float32) / np.float32(WORST)
-    return Choice(inverse_depth, cost, sure, ~sure & reachable, spacing)
+    cost = np.take_along_axis(alone, plane[:, None, :].astype(np.intp), axis=1)[:, 0].astype(np.float32)
+    mean = np.add.reduce(alone, axis=1, dtype=np.int32) / np.float32(len(planes))
+    lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1).astype(np.float32)
+    cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
+    return Choice(inverse_depth, cost, lack, sure, ~sure & reachable, spacing)
 
 
 def choose_on_affordable_level(
-    base: Field,
-    other: Field,
+    base: View,
+    other: View,
     geometry: Epipolar,
     lowest: float,
     highest: float,
@@ -82,26 +81,27 @@ def choose_on_affordable_level(
 
     What a coarser level chose is brought to the finest, where the error surface refines it (section 2.5).
     """
+    full = base.shape
     planes = geometry.planes(lowest, highest)
-    levels, levels_other = build_pyramid(base, settings.levels), build_pyramid(other, settings.levels)
-    level = 0
-    while level + 1 < len(levels) and len(planes) * levels[level].size > settings.max_hypotheses:
-        level += 1
-        shape = (levels[level].shape[0], levels[level].shape[1])
-        geometry = Epipolar(geometry.camera.scaled(shape[1] / geometry.shape[1]), geometry.motion, shape)
+    for _ in range(1, settings.levels):
+        if len(planes) * geometry.shape[0] * geometry.shape[1] <= settings.max_hypotheses:
+            break
+        base, other = base.level(1), other.level(1)
+        factor = base.shape[1] / geometry.shape[1]
+        geometry = Epipolar(geometry.camera.scaled(factor), geometry.motion, base.shape)
         planes = geometry.planes(lowest, highest)
-    if level == 0:
+    if base.shape == full:
         return choose_planes(base, other, geometry, planes, predicted, settings)
     shape = geometry.shape
     small = InverseDepth(
         *(_thin_out(part, shape) for part in (predicted.value, predicted.variance, predicted.cost))
     )
-    choice = choose_planes(levels[level], levels_other[level], geometry, planes, small, settings)
-    full = (base.shape[0], base.shape[1])
+    choice = choose_planes(base, other, geometry, planes, small, settings)
     sure, hidden = (enlarge(mask.astype(np.float32), full) > 0.5 for mask in (choice.sure, choice.hidden))
-    return Choice(
-        enlarge(choice.inverse_depth, full), enlarge(choice.cost, full), sure, hidden, choice.spacing
+    inverse_depth, cost, lack = (
+        enlarge(part, full) for part in (choice.inverse_depth, choice.cost, choice.lack)
     )
+    return Choice(inverse_depth, cost, lack, sure, hidden, choice.spacing)
 
 
 def _thin_out(field: Field, shape: tuple[int, int]) -> Field:

@@ -5,17 +5,35 @@ from numpy.typing import NDArray
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 
-def _nearest_before(values: Field) -> tuple[Field, Field]:
-    """For every pixel the last value that is no NaN at or before it in its row, and how far back it stands."""
-    columns = np.arange(values.shape[1])[None, :]
-    place = np.maximum.accumulate(np.where(np.isfinite(values), columns, -1), axis=1)
-    taken = np.take_along_axis(values, np.maximum(place, 0), axis=1)
-    some = place >= 0
-    return np.where(some, taken, np.float32(np.nan)), np.where(some, columns - place, np.inf).astype(
-        np.float32
-    )
+def _nearest_sides(
+    known: Mask, rows: Index, columns: Index
+) -> list[tuple[Index, Index, NDArray[np.float32]]]:
+    """Row, column and distance of the nearest known pixel to the left, right, above and below; ∞ if there is none."""
+    height, width = known.shape
+    across = np.arange(width, dtype=np.int32)[None, :]
+    down = np.arange(height, dtype=np.int32)[:, None]
+    left = np.maximum.accumulate(np.where(known, across, np.int32(-1)), axis=1)[rows, columns]
+    right = np.minimum.accumulate(np.where(known, across, np.int32(width))[:, ::-1], axis=1)[:, ::-1][
+        rows, columns
+    ]
+    above = np.maximum.accumulate(np.where(known, down, np.int32(-1)), axis=0)[rows, columns]
+    below = np.minimum.accumulate(np.where(known, down, np.int32(height))[::-1], axis=0)[::-1][rows, columns]
+    sides = []
+    for place, along_row, limit in (
+        (left, True, width),
+        (right, True, width),
+        (above, False, height),
+        (below, False, height),
+    ):
+        there = (place >= 0) & (place < limit)
+        inside = np.clip(place, 0, limit - 1).astype(np.intp)
+        away = np.abs(inside - (columns if along_row else rows))
+        distance = np.where(there, away, np.inf).astype(np.float32)
+        sides.append((rows, inside, distance) if along_row else (inside, columns, distance))
+    return sides
 
 
 def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, Field, Field]:
@@ -38,15 +56,11 @@ def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, 
     zero = np.zeros_like(inverse_depth)
     if not void.any() or void.all():
         return inverse_depth, zero, zero.copy()
-    turned = np.ascontiguousarray(inverse_depth.T)
-    sides = [
-        _nearest_before(inverse_depth),
-        tuple(part[:, ::-1] for part in _nearest_before(inverse_depth[:, ::-1])),
-        tuple(part.T for part in _nearest_before(turned)),
-        tuple(part[:, ::-1].T for part in _nearest_before(turned[:, ::-1])),
-    ]
-    candidates = np.stack([side[0][void] for side in sides])
-    away = np.stack([side[1][void] for side in sides])
+    rows, columns = np.nonzero(void)
+    sides = _nearest_sides(~void, rows, columns)
+    away = np.stack([distance for _, _, distance in sides])
+    candidates = np.stack([inverse_depth[row, column] for row, column, _ in sides])
+    candidates[~np.isfinite(away)] = np.nan
     column = np.arange(candidates.shape[1])
     close = candidates[np.argmin(away, axis=0), column]
     distance = np.min(away, axis=0)

@@ -1,0 +1,57 @@
+"""A picture with what the match needs of it, each computed once."""
+
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from perception.depth.contrast import Bytes, Grey, equalised_slopes, estimate_noise, smooth_against_noise
+
+
+class View:
+    """One picture in grey levels; noise, calmed picture and equalised slopes follow when they are asked for."""
+
+    def __init__(self, grey: Grey) -> None:
+        self.grey = grey
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.grey.shape[0], self.grey.shape[1]
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the pixel noise in grey levels."""
+        return estimate_noise(self.grey)
+
+    @cached_property
+    def calm(self) -> Grey:
+        """The picture, blurred a little where noise stands out."""
+        return smooth_against_noise(self.grey, self.noise)
+
+    @cached_property
+    def slopes(self) -> Bytes:
+        """The equalised slopes, height × width × 2."""
+        return equalised_slopes(self.calm, self.noise)
+
+    @cached_property
+    def contrast(self) -> float:
+        """Root mean square of the step between neighbours in a row, grey levels."""
+        return float(np.sqrt(np.mean(np.square(np.diff(self.calm, axis=1)))))
+
+    @cached_property
+    def halved(self) -> "View":
+        """The next level of the Gaussian pyramid, thesis section 2.5."""
+        height, width = self.shape
+        blurred = cv2.GaussianBlur(self.grey, (0, 0), 1.0)
+        small = cv2.resize(blurred, (width // 2, height // 2), interpolation=cv2.INTER_LINEAR)
+        return View(np.asarray(small, np.float32))
+
+    def level(self, number: int) -> "View":
+        """The level of the pyramid, 0 the picture itself; none is made smaller than 16 pixels."""
+        view = self
+        for _ in range(number):
+            if min(view.shape) < 32:
+                break
+            view = view.halved
+        return view
