@@ -7,9 +7,10 @@ from contextlib import asynccontextmanager
 from typing import Literal
 
 from medusa.axis import Axis
+from medusa.bridges import Bridges
 from medusa.completion import complete
 from medusa.config import AXIS_NAMES, CHIP_CLOCK_HZ, HeadConfig
-from medusa.errors import CommandError, DeviceFault, MedusaError, ProtocolError
+from medusa.errors import CommandError, MedusaError, ProtocolError
 from medusa.fault_watch import FaultWatch
 from medusa.faults import FaultHub
 from medusa.homing import HomingResult, home_head
@@ -59,15 +60,20 @@ class Head:
             self.amplifiers = {
                 name: amplifier_line.amplifier(config.axis(name).amplifier) for name in AXIS_NAMES
             }
-        self.enabled: frozenset[str] = frozenset()
         self.faults = FaultHub()
         self._reader = SnapshotReader(self.axes, self.boards)
         self._stopping = Stopping(self.axes, self.boards, line, config)
+        self._bridges = Bridges(self.amplifiers, self._stopping, config.safety.amplifier_watchdog_ms)
         self._supervision = Supervision(
             self.axes, self.boards, self.amplifiers, self._reader, self.faults, config
         )
         self._watch = FaultWatch(self.axes, self.boards, self.amplifiers, self.faults, self._stopping)
         self._moves = Moves(self.axes, self.boards, self._reader, self.faults, self.stop, self._watch.stopped)
+
+    @property
+    def enabled(self) -> frozenset[str]:
+        """Joints whose bridges this host has switched on."""
+        return self._bridges.on
 
     @classmethod
     @asynccontextmanager
@@ -157,12 +163,12 @@ class Head:
                 if snapshot.joints[name].inputs & bit:
                     raise CommandError(f"{name}: {what} is latched; clear it first")
         await self._watchdogs_on()
-        new = [name for name in wanted if not await self._is_on(name)]
+        new = [name for name in wanted if not await self._bridges.is_on(name)]
         try:
             for name in new:
                 if self.axes[name].mode is not Mode.IDLE:
                     await self.axes[name].set_mode(Mode.IDLE)
-                await self._enable_bridge(name)
+                await self._bridges.switch_on(name)
             if mode is not Mode.IDLE:
                 free = [n for n in wanted if not snapshot.joints[n].inputs & Inputs.LIMIT_LATCHED]
                 await asyncio.gather(*(self.axes[name].set_mode(mode) for name in free))
@@ -173,29 +179,12 @@ class Head:
             raise
         log.info("enabled: %s", ", ".join(wanted))
 
-    async def _is_on(self, name: str) -> bool:
-        """True when this host enabled the bridge and it still is: an amplifier may have restarted."""
-        return name in self.enabled and (await self.amplifiers[name].status()).enabled
-
     async def _give_up(self, names: list[str]) -> None:
         """Disable as far as that goes; what kept the head from being enabled is told, not what follows."""
         try:
             await self.disable(names)
         except MedusaError as error:
             log.error("%s", error)
-
-    async def _enable_bridge(self, name: str) -> None:
-        amplifier = self.amplifiers[name]
-        status = await amplifier.status()
-        if status.was_reset:
-            await amplifier.reset_events()
-        # Noted first: a bridge whose enabling is not confirmed may be on, and has to be inhibited again.
-        self.enabled |= {name}
-        try:
-            await amplifier.enable()
-        except DeviceFault as error:
-            raise DeviceFault(f"{name}: {error}", axis=name) from None
-        await amplifier.watchdog(self.config.safety.amplifier_watchdog_ms)
 
     async def _watchdogs_on(self) -> None:
         safety = self.config.safety
@@ -212,22 +201,7 @@ class Head:
         """
         wanted = [name for name in self._names(names) if name in self.enabled]
         await asyncio.gather(*(self.axes[name].set_mode(Mode.IDLE) for name in wanted))
-        braked = False
-        try:
-            await self._stopping.stand(wanted)
-        except DeviceFault as error:
-            # At a closed switch the amplifier's directional inhibit keeps it from braking: its brake does not.
-            log.warning("%s; braking", error)
-            braked = True
-            for name in wanted:
-                await self.amplifiers[name].brake(True)
-            await self._stopping.stand(wanted)
-        for name in wanted:
-            await self.amplifiers[name].watchdog(0)
-            await self.amplifiers[name].inhibit()
-            if braked:
-                await self.amplifiers[name].brake(False)
-            self.enabled -= {name}
+        await self._bridges.switch_off(wanted)
         if not self.enabled:
             await self._supervision.end()
             await asyncio.gather(*(board.watchdog(0) for board in self.boards.values()))
@@ -283,8 +257,7 @@ class Head:
     async def clear(self) -> dict[str, Inputs]:
         """Release what is latched and whose cause is gone; by joint what remains. Moves nothing."""
         self._moves.forget_armed()
-        for amplifier in self.amplifiers.values():
-            await amplifier.reset_events()
+        await self._bridges.clear()
         await asyncio.gather(*(board.clear() for board in self.boards.values()))
         self._watch.emergency = False
         latches = Inputs.LIMIT_LATCHED | Inputs.EMERGENCY_STOP_LATCHED | Inputs.FAULT_LATCHED

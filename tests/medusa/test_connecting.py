@@ -7,6 +7,8 @@ import pytest
 
 from medusa.errors import NoReply, ProtocolError
 from medusa.head import Head
+from medusa.mc3000 import Inputs
+from medusa.servo_amp import AmplifierLine
 from medusa.simulation import SimulatedHead
 
 
@@ -47,3 +49,25 @@ async def test_homing_is_believed_again_once_the_amplifiers_are_heard(sim: Simul
     await asyncio.sleep(1.0)
     async with sim.open() as head:
         assert head.axes["pan"].homed
+
+
+@pytest.mark.parametrize("after", [0.1, 2.0], ids=["before its amplifiers notice", "after they noticed"])
+async def test_what_a_dead_host_left_of_its_bridges_is_cleared_for_good(
+    sim: SimulatedHead, after: float
+) -> None:
+    async with AmplifierLine(sim.amps) as line:
+        for address in (1, 4):
+            await line.amplifier(address).enable()
+            await line.amplifier(address).watchdog(1000)
+    await asyncio.sleep(after)
+    async with sim.open() as head:
+        assert await head.clear() == {}
+    joints = sim.bench.state()["head"]["joints"]
+    assert {joint["bridge"] for joint in joints.values()} == {"inhibited"}
+    # Nobody feeds the amplifiers now, and none of them minds.
+    await asyncio.sleep(10.0)
+    async with sim.open() as head:
+        await head.enable()
+        assert not any(
+            joint.inputs & Inputs.FAULT_LATCHED for joint in (await head.snapshot()).joints.values()
+        )
