@@ -16,6 +16,7 @@ from perception.depth.motion import Motion
 
 Field = NDArray[np.float32]
 Matrix = NDArray[np.float64]
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,11 @@ class Epipolar:
         """R p in pixels of the other view, so that it is ready to be divided: (fx r₁·p + cx r₃·p, …)."""
         height, width = self.shape
         mixed = self.camera.matrix @ self.motion.rotation @ np.linalg.inv(self.camera.matrix)
-        x = np.arange(width, dtype=np.float64)[None, :]
-        y = np.arange(height, dtype=np.float64)[:, None]
-        first, second, third = ((row[0] * x + row[1] * y + row[2]).astype(np.float32) for row in mixed)
+        x = np.arange(width, dtype=np.float64)
+        y = np.arange(height, dtype=np.float64)
+        first, second, third = (np.empty(self.shape, np.float32) for _ in range(3))
+        for row, ray in zip(mixed, (first, second, third), strict=True):
+            np.add.outer(row[1] * y + row[2], row[0] * x, out=ray, casting="same_kind")
         return first, second, third
 
     @cached_property
@@ -53,14 +56,15 @@ class Epipolar:
         shift = (self.camera.matrix @ self.motion.translation).astype(np.float32)
         return shift[0], shift[1], shift[2]
 
-    def project(self, inverse_depth: Field | float) -> Projection:
-        """Where the pixels go when they stand at `inverse_depth` (1/m)."""
-        first, second, third = self._rays
+    def project(self, inverse_depth: Field | float, rows: slice = ALL) -> Projection:
+        """Where the pixels of the rows (all, if none are named) go when they stand at `inverse_depth` (1/m)."""
+        first, second, third = (ray[rows] for ray in self._rays)
         shift_x, shift_y, shift_z = self._shift
         rho = np.asarray(inverse_depth, np.float32)
         scale = third + rho * shift_z
         with np.errstate(divide="ignore", invalid="ignore"):
-            behind = np.where(scale > 1e-3, np.float32(1) / scale, np.float32(np.nan))
+            behind = np.float32(1) / scale
+        np.copyto(behind, np.float32(np.nan), where=~(scale > 1e-3))
         x = (first + rho * shift_x) * behind
         y = (second + rho * shift_y) * behind
         return Projection(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.epipolar import Projection
+from perception.depth.select import select
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -80,13 +81,12 @@ def fuse(
         better = ~known | (guess & (measured.variance < predicted.variance))
     average = sure & agree & ~guess
     replace = np.isfinite(measured.value) & ((sure & ~average) | (~sure & better))
-    value = np.where(
-        average, predicted.value + gain * gap, np.where(replace, measured.value, predicted.value)
+    value, variance, cost = (
+        select(average, mean, select(replace, new, old))
+        for mean, new, old in (
+            (predicted.value + gain * gap, measured.value, predicted.value),
+            (gain * measured.variance, measured.variance, predicted.variance),
+            (np.minimum(predicted.cost, measured.cost), measured.cost, predicted.cost),
+        )
     )
-    variance = np.where(
-        average, gain * measured.variance, np.where(replace, measured.variance, predicted.variance)
-    )
-    cost = np.where(
-        average, np.minimum(predicted.cost, measured.cost), np.where(replace, measured.cost, predicted.cost)
-    )
-    return InverseDepth(value.astype(np.float32), variance.astype(np.float32), cost.astype(np.float32))
+    return InverseDepth(value, variance, cost)

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
+from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
 from perception.depth.view import View
@@ -19,6 +21,8 @@ Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 
+FLAT_RADIUS = 4
+"""Half the window, in pixels, over which the steps between planes are smoothed."""
 NOISE_FLOOR = 0.5
 """No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
 LINE_SHARP_PX = 0.2
@@ -39,7 +43,7 @@ class Match:
     reach: Field
 
 
-def flatten_steps(disparity: Field, radius: int = 4, step: float = 0.5) -> Field:
+def flatten_steps(disparity: Field, radius: int = FLAT_RADIUS, step: float = 0.5) -> Field:
     """Smooth the steps between planes and leave the jumps between surfaces.
 
     Over the window the mean replaces the value as far as the window's variance is below that of a `step`;
@@ -57,7 +61,7 @@ def slant(disparity: Field) -> Field:
     """Steepness of the disparity, pixels per pixel, over 5×5 pixels."""
     across = cv2.Sobel(disparity, cv2.CV_32F, 1, 0, ksize=5, scale=1 / 128)
     down = cv2.Sobel(disparity, cv2.CV_32F, 0, 1, ksize=5, scale=1 / 128)
-    return np.hypot(across, down).astype(np.float32)
+    return np.asarray(np.sqrt(np.square(across) + np.square(down)), np.float32)
 
 
 def jump_height(disparity: Field, radius: int) -> Field:
@@ -67,40 +71,60 @@ def jump_height(disparity: Field, radius: int) -> Field:
     return np.maximum(spread - 1, np.float32(0))
 
 
+@dataclass(frozen=True)
+class Refinement:
+    """What the error surfaces say, height × width: the rest of the disparity and its variance, px and px², NaN and ∞
+    where a surface has no minimum; |C|, the pixels a unit of inverse depth is worth; and the variance, px², that the
+    motion's error adds everywhere."""
+
+    shift: Field
+    variance: Field
+    worth: Field
+    off_line: np.float32
+
+    def inverse_depth(self, start: Field, rows: slice, bias_px: float) -> tuple[Field, Field]:
+        """The refined inverse depth of some rows and its variance, from where the search started; NaN is a void."""
+        shift, worth = self.shift[rows], self.worth[rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            variance = (self.variance[rows] + np.float32(bias_px**2) + self.off_line) / (worth * worth)
+            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6)
+            value = start + shift / worth
+        return select(found, value, np.nan), select(found, variance, np.nan)
+
+
 def refine(
     base: View, other: View, geometry: Epipolar, inverse_depth: Field, settings: Settings
-) -> tuple[Field, Field, Field, Field]:
-    """Measure what is left of the disparity on the error surface (2.8) and turn it into inverse depth.
+) -> Refinement:
+    """Measure what is left of the disparity on the error surface (2.8).
 
     The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
     covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
     line would do to it is part of its variance.
-
-    Returns:
-        The measurement and its variance, NaN where the error surface has no minimum; |C|, the pixels a unit of
-        inverse depth is worth; and the variance of the inverse depth that the motion's error makes.
     """
-    window = BaseWindow(base.calm, settings.window_radius, settings.equalisation, Window.TENT)
-    projection = geometry.project(inverse_depth)
-    _, _, worth = epipolar_axes(projection)
-    surface = sample_surface(window, other.calm, projection, settings.surface_step)
     floor = np.float32(2 * (NOISE_FLOOR * max(base.noise, other.noise)) ** 2)
-    weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
-    weight = weight / np.float32(settings.epipolar_std_px**2)
-    shift, _, least = surface.minimum(weight)
-    power: Field = np.maximum(least / (window.pixels - 1), floor) * np.float32(settings.noise_factor**2)
-    spread, _, _ = surface.covariance(power, weight)
-    sample = surface.thinned(LINE_THINNING)
-    _, across, _ = sample.minimum()
-    _, _, across_variance = sample.covariance(power[::LINE_THINNING, ::LINE_THINNING])
-    off_line = np.float32(line_error(across, across_variance) ** 2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance = (spread + np.float32(settings.bias_px**2) + off_line) / (worth * worth)
-        found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6)
-        value = inverse_depth + shift / worth
-    void = np.float32(np.nan)
-    drift = np.asarray(off_line / np.square(np.maximum(worth, np.float32(1e-6))), np.float32)
-    return np.where(found, value, void), np.where(found, variance, void), worth, drift
+    calm, calm_other = base.calm, other.calm
+    height, width = base.shape
+    thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
+    across, across_variance = np.empty(thin, np.float32), np.empty(thin, np.float32)
+
+    def measure(band: Band) -> tuple[Field, ...]:
+        window = BaseWindow(calm[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
+        projection = geometry.project(inverse_depth[band.outer], band.outer)
+        surface = sample_surface(window, calm_other, projection, settings.surface_step).rows(band.trim)
+        _, _, worth = epipolar_axes(projection)
+        weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
+        weight = weight / np.float32(settings.epipolar_std_px**2)
+        shift, _, least = surface.minimum(weight)
+        power: Field = np.maximum(least / (window.pixels - 1), floor) * np.float32(settings.noise_factor**2)
+        spread, _, _ = surface.covariance(power, weight)
+        sample = surface.thinned(LINE_THINNING)
+        rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
+        _, across[rows], _ = sample.minimum()
+        _, _, across_variance[rows] = sample.covariance(power[::LINE_THINNING, ::LINE_THINNING])
+        return shift, spread, worth[band.trim]
+
+    shift, spread, worth = join_bands(base.shape, measure, settings.window_radius)
+    return Refinement(shift, spread, worth, np.float32(line_error(across, across_variance) ** 2))
 
 
 def line_error(across: Field, variance: Field) -> float:
@@ -135,34 +159,50 @@ def match_pair(
         predicted: what is expected of the base view; NaN where nothing is.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
-    kept = np.where(choice.sure, choice.inverse_depth / choice.spacing, np.float32(np.nan))
-    slope = geometry.project(choice.inverse_depth)
-    level = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
-    disparity, spread, reach = fill_voids(kept, choice.hidden, level)
-    flat = flatten_steps(disparity)
-    fine, fine_variance, worth, drift = refine(base, other, geometry, flat * choice.spacing, settings)
 
-    drift = drift / choice.spacing**2
-    blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
-    blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack)
-    jump = jump_height(disparity, settings.window_radius)
-    refined = choice.sure & np.isfinite(fine) & (jump < 0.5)
-    value = np.where(refined, fine / choice.spacing, disparity)
-    variance = np.where(refined, fine_variance / choice.spacing**2, blunt)
-    variance += np.where(
-        refined, np.square(settings.slant_bias * slant(flat)), np.square(settings.jump_part * jump)
-    )
-    variance += np.square(settings.void_part * spread) + np.square(np.float32(0.1) * reach)
+    def keep(band: Band) -> tuple[Field, Mask]:
+        chosen = choice.inverse_depth[band.inner]
+        slope = geometry.project(chosen, band.inner)
+        kept = select(choice.sure[band.inner], chosen / choice.spacing, np.nan)
+        return kept, np.abs(slope.slope_x) >= np.abs(slope.slope_y)
 
-    springs = Springs.cut_at_edges(base.calm, max(base.contrast, base.noise), disparity, settings.tear_px)
-    regular = relax_membrane(value, variance, springs, settings.strength, settings.membrane_iterations, value)
-    reach = choice.spacing * np.sqrt(np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift)
-    return Match(
-        InverseDepth(
-            np.maximum(regular, 0) * choice.spacing,
-            (variance * choice.spacing**2).astype(np.float32),
-            np.where(choice.sure, np.minimum(choice.cost, np.float32(0.99)), np.float32(1)),
-        ),
-        choice.sure,
-        reach.astype(np.float32),
-    )
+    kept, level = join_bands(base.shape, keep)
+    disparity, spread, far_off = fill_voids(kept, choice.hidden, level)
+    shape = base.shape
+    (flat,) = join_bands(shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS)
+    refinement = refine(base, other, geometry, flat * choice.spacing, settings)
+    # The membrane hands on by two rows an iteration what windows have gathered (the slant's, or larger ones of the
+    # jumps); an even halo keeps the squares of the chess-board.
+    window = max(settings.window_radius, 2)
+    halo = 2 * settings.membrane_iterations + window + window % 2
+
+    def settle(band: Band) -> tuple[Field, ...]:
+        rows = band.outer
+        fine, fine_variance = refinement.inverse_depth(flat[rows] * choice.spacing, rows, settings.bias_px)
+        worth = refinement.worth[rows]
+        drift = refinement.off_line / np.square(np.maximum(worth, np.float32(1e-6))) / choice.spacing**2
+        blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+        blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack[rows])
+        jump = jump_height(disparity[rows], settings.window_radius)
+        refined = choice.sure[rows] & np.isfinite(fine) & (jump < 0.5)
+        value = select(refined, fine / choice.spacing, disparity[rows])
+        variance = select(refined, fine_variance / choice.spacing**2, blunt)
+        variance += select(
+            refined, np.square(settings.slant_bias * slant(flat[rows])), np.square(settings.jump_part * jump)
+        )
+        variance += np.square(settings.void_part * spread[rows]) + np.square(np.float32(0.1) * far_off[rows])
+
+        contrast = max(base.contrast, base.noise)
+        springs = Springs.cut_at_edges(base.calm[rows], contrast, disparity[rows], settings.tear_px)
+        regular = relax_membrane(
+            value, variance, springs, settings.strength, settings.membrane_iterations, value
+        )
+        reach = choice.spacing * np.sqrt(
+            np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift
+        )
+        cost = select(choice.sure[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
+        settled = np.maximum(regular, 0) * choice.spacing, variance * choice.spacing**2, cost, reach
+        return tuple(part[band.trim] for part in settled)
+
+    value, variance, cost, reach = join_bands(shape, settle, halo)
+    return Match(InverseDepth(value, variance, cost), choice.sure, reach)

@@ -6,8 +6,11 @@ printed relaxation (2.16) minimises it with 4λ in the place of λ; here λ is t
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from perception.depth.select import select
 
 Field = NDArray[np.float32]
 
@@ -39,10 +42,11 @@ class Springs:
     def gather(self, values: Field) -> Field:
         """Σ w u over the neighbours that there are."""
         total = np.zeros_like(values)
-        total[1:] += self.down * values[:-1]
-        total[:-1] += self.down * values[1:]
-        total[:, 1:] += self.right * values[:, :-1]
-        total[:, :-1] += self.right * values[:, 1:]
+        vertical, horizontal = np.empty_like(self.down), np.empty_like(self.right)
+        total[1:] += np.multiply(self.down, values[:-1], out=vertical)
+        total[:-1] += np.multiply(self.down, values[1:], out=vertical)
+        total[:, 1:] += np.multiply(self.right, values[:, :-1], out=horizontal)
+        total[:, :-1] += np.multiply(self.right, values[:, 1:], out=horizontal)
         return total
 
 
@@ -74,13 +78,16 @@ def relax_membrane(
         start = np.where(known, measured, middle)
     weight = _data_weight(known, variance, strength)
     share = 1 / (springs.gather(np.ones_like(weight)) + weight)
-    pull = weight * np.where(known, measured, np.float32(0))
+    pull = weight * select(known, measured, 0)
     height, width = measured.shape
-    black = (np.add.outer(np.arange(height), np.arange(width)) & 1).astype(bool)
+    black = np.asarray(np.add.outer(np.arange(height), np.arange(width)) & 1, np.uint8)
     u = start.astype(np.float32, copy=True)
     for _ in range(iterations):
-        for squares in (black, ~black):
-            np.copyto(u, (springs.gather(u) + pull) * share, where=squares)
+        for squares in (black, 1 - black):
+            relaxed = springs.gather(u)
+            relaxed += pull
+            relaxed *= share
+            cv2.copyTo(relaxed, squares, u)
     return u
 
 
@@ -101,4 +108,4 @@ def relaxed_variance(measured: Field, variance: Field, springs: Springs, strengt
 
 def _data_weight(known: NDArray[np.bool_], variance: Field, strength: float) -> Field:
     """λσ⁻², 0 in voids (footnote 3 of chapter 2)."""
-    return np.where(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), np.float32(0))
+    return select(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0)

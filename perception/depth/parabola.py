@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.select import select
+
 Field = NDArray[np.float32]
 
 
@@ -49,11 +51,10 @@ class Quadric:
     def minimum(self, epipolar_weight: Field | float = 0.0) -> tuple[Field, Field, Field]:
         """Place (u, v) of the minimum and the value there; NaN where the surface has none."""
         vv, determinant = self._with_line(epipolar_weight)
-        void = np.float32(np.nan)
         with np.errstate(divide="ignore", invalid="ignore"):
             good = (determinant > 0) & (self.uu > 0)
-            u = np.where(good, (self.uv * self.slope_v - vv * self.slope_u) / determinant, void)
-            v = np.where(good, (self.uv * self.slope_u - self.uu * self.slope_v) / determinant, void)
+            u = select(good, (self.uv * self.slope_v - vv * self.slope_u) / determinant, np.nan)
+            v = select(good, (self.uv * self.slope_u - self.uu * self.slope_v) / determinant, np.nan)
         least = np.maximum(self.value + np.float32(0.5) * (self.slope_u * u + self.slope_v * v), 0)
         return u, v, least
 
@@ -67,14 +68,20 @@ class Quadric:
         vv, determinant = self._with_line(epipolar_weight)
         good = (determinant > 0) & (self.uu > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.where(good, 2 * noise_power / determinant, np.float32(0))
-        far = np.float32(np.inf)
-        return np.where(good, vv * gain, far), -self.uv * gain, np.where(good, self.uu * gain, far)
+            gain = select(good, 2 * noise_power / determinant, 0)
+        return select(good, vv * gain, np.inf), -self.uv * gain, select(good, self.uu * gain, np.inf)
 
     def thinned(self, step: int) -> "Quadric":
         """Every `step`-th pixel both ways."""
-        parts = (self.value, self.slope_u, self.slope_v, self.uu, self.uv, self.vv)
-        return Quadric(*(part[::step, ::step] for part in parts))
+        return Quadric(*(part[::step, ::step] for part in self._parts))
+
+    def rows(self, rows: slice) -> "Quadric":
+        """Some of the rows."""
+        return Quadric(*(part[rows] for part in self._parts))
+
+    @property
+    def _parts(self) -> tuple[Field, ...]:
+        return self.value, self.slope_u, self.slope_v, self.uu, self.uv, self.vv
 
     def _with_line(self, epipolar_weight: Field | float) -> tuple[Field, Field]:
         vv = self.vv + np.asarray(2 * epipolar_weight, np.float32)
