@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Projection
 from perception.depth.inverse_depth import InverseDepth
+from perception.depth.select import select
 
 Field = NDArray[np.float32]
 SAME_SURFACE = 0.04
@@ -23,45 +25,63 @@ def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
         predicted: ρ' and P', still at the pixels they were predicted from.
         moved: where those pixels have gone.
     """
-    height, width = predicted.value.shape
+    height, width = shape = predicted.value.shape
     source = _nearest_source(predicted, moved)
-    known = source >= 0
-    place = np.where(known, source, 0)
-    rows, columns = np.divmod(np.arange(height * width, dtype=np.int32), np.int32(width))
-    # The displacement of the point that fell here leads back to where this pixel came from.
-    back_x = (columns - moved.x.ravel()[place] + (place % width)).reshape(height, width).astype(np.float32)
-    back_y = (rows - moved.y.ravel()[place] + (place // width)).reshape(height, width).astype(np.float32)
-    own = predicted.value.ravel()[place].reshape(height, width)
-    filled = np.nan_to_num(predicted.value, nan=-1e6)
-    between = cv2.remap(filled, back_x, back_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    value = np.where(np.abs(between - own) <= SAME_SURFACE * own, between, own)
-    known = known.reshape(height, width)
-    void = np.float32(np.nan)
-    variance = predicted.variance.ravel()[place].reshape(height, width)
-    cost = predicted.cost.ravel()[place].reshape(height, width)
-    return InverseDepth(
-        np.where(known, value, void).astype(np.float32),
-        np.where(known, variance, void).astype(np.float32),
-        np.where(known, cost, np.float32(1)).astype(np.float32),
-    )
+    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
+    away_x, away_y = moved.x - x, moved.y - y
+    filled = select(np.isfinite(predicted.value), predicted.value, -1e6)
+
+    def fetch(band: Band) -> tuple[Field, ...]:
+        here = source[band.inner]
+        known, place = here >= 0, np.maximum(here, 0).astype(np.intp)
+
+        def at_source(field: Field) -> Field:
+            return np.take(field.reshape(-1), place)
+
+        # The displacement of the point that fell here leads back to where this pixel came from.
+        back_x, back_y = x - at_source(away_x), y[band.inner] - at_source(away_y)
+        own = at_source(predicted.value)
+        between = cv2.remap(filled, back_x, back_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        value = select(np.abs(between - own) <= SAME_SURFACE * own, between, own)
+        return (
+            select(known, value, np.nan),
+            select(known, at_source(predicted.variance), np.nan),
+            select(known, at_source(predicted.cost), 1),
+        )
+
+    return InverseDepth(*join_bands(shape, fetch))
 
 
 def _nearest_source(predicted: InverseDepth, moved: Projection) -> NDArray[np.int32]:
-    """For every pixel the number of the nearest point that falls on it, −1 for none (flat array)."""
-    height, width = predicted.value.shape
-    with np.errstate(invalid="ignore"):
-        good = (predicted.value >= 0) & (moved.scale > 1e-3) & np.isfinite(moved.x)
-        column, row = np.rint(moved.x), np.rint(moved.y)
-        good &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    number = np.flatnonzero(good)
-    target = (row.ravel()[number] * width + column.ravel()[number]).astype(np.int64)
-    # Positive floats sort like their bits, so that the greatest key is that of the nearest point.
-    bits = predicted.value.ravel()[number].view(np.int32).astype(np.int64)
-    best = np.full(height * width, -1, np.int64)
-    np.maximum.at(best, target, (bits << 32) | number)
-    source = np.where(best >= 0, best & 0xFFFFFFFF, -1).astype(np.int32).reshape(height, width)
+    """For every pixel the number of the nearest point that falls on it, −1 for none."""
+    height, width = shape = predicted.value.shape
+    nowhere = height * width
+
+    def aim(band: Band) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        rows = band.inner
+        value, x, y = predicted.value[rows], moved.x[rows], moved.y[rows]
+        with np.errstate(invalid="ignore"):
+            good = (value >= 0) & (moved.scale[rows] > 1e-3)
+            column, row = np.rint(x), np.rint(y)
+            good &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        # In whole numbers, for beyond 2²⁴ pixels single precision has no room.
+        target = select(good, row, 0).astype(np.int64)
+        target *= width
+        target += select(good, column, 0).astype(np.int64)
+        target += nowhere * ~good
+        # Positive floats sort like their bits, so that the greatest key is that of the nearest point.
+        key = np.ascontiguousarray(value).view(np.int32).astype(np.int64)
+        key <<= 32
+        key |= np.arange(rows.start * width, rows.stop * width).reshape(value.shape)
+        return np.minimum(target, nowhere), key
+
+    target, key = join_bands(shape, aim)
+    best = np.full(nowhere + 1, -1, np.int64)
+    np.maximum.at(best, target.reshape(-1), key.reshape(-1))
+    # Of a key the lower half is the number, of −1 it is −1.
+    source = best[:-1].astype(np.int32).reshape(shape)
     _close_cracks(source)
-    return source.ravel()
+    return source
 
 
 def _close_cracks(source: NDArray[np.int32]) -> None:

@@ -117,10 +117,15 @@ def sample_surface(base: BaseWindow, other: Field, projection: Projection, step:
     for i, j in STENCIL:
         warped = cv2.remap(
             other,
-            projection.x + i * along_x - j * along_y,
-            projection.y + i * along_y + j * along_x,
+            _away(_away(projection.x, i, along_x), -j, along_y),
+            _away(_away(projection.y, i, along_y), j, along_x),
             cv2.INTER_CUBIC,
             borderMode=cv2.BORDER_REPLICATE,
         )
         values[i, j] = base.sum_of_squares(np.asarray(warped, np.float32))
     return fit_quadric(values, step)
+
+
+def _away(place: Field, sign: int, step: Field) -> Field:
+    """place + sign · step for a sign of −1, 0 or 1."""
+    return place if sign == 0 else place + step if sign > 0 else place - step

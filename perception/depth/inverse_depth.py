@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Projection
 from perception.depth.select import select
 
@@ -42,6 +43,10 @@ class InverseDepth:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.sqrt(self.variance) / (self.value * self.value), np.float32)
 
+    def rows(self, rows: slice) -> "InverseDepth":
+        """Some of the rows."""
+        return InverseDepth(self.value[rows], self.variance[rows], self.cost[rows])
+
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> "InverseDepth":
         """Nothing known anywhere."""
@@ -71,6 +76,17 @@ def fuse(
     `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One
     that was not confirmed only stands where nothing is known or only a worse guess.
     """
+
+    def work(band: Band) -> tuple[Field, ...]:
+        rows = band.inner
+        return _fuse(predicted.rows(rows), measured.rows(rows), sure[rows], gate, reach[rows])
+
+    return InverseDepth(*join_bands(sure.shape, work))
+
+
+def _fuse(
+    predicted: InverseDepth, measured: InverseDepth, sure: Mask, gate: float, reach: Field
+) -> tuple[Field, ...]:
     known = np.isfinite(predicted.value)
     guess = known & (predicted.cost >= 1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -81,7 +97,7 @@ def fuse(
         better = ~known | (guess & (measured.variance < predicted.variance))
     average = sure & agree & ~guess
     replace = np.isfinite(measured.value) & ((sure & ~average) | (~sure & better))
-    value, variance, cost = (
+    return tuple(
         select(average, mean, select(replace, new, old))
         for mean, new, old in (
             (predicted.value + gain * gap, measured.value, predicted.value),
@@ -89,4 +105,3 @@ def fuse(
             (np.minimum(predicted.cost, measured.cost), measured.cost, predicted.cost),
         )
     )
-    return InverseDepth(value, variance, cost)

