@@ -4,17 +4,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.epipolar import Epipolar, Projection
-from perception.depth.scanline import Volume
+from perception.depth.bands import join_bands, share
+from perception.depth.epipolar import Epipolar
+from perception.depth.scanline import Volume, cheapest
 from perception.depth.sweep import warp_plane
 
+Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 THINNING = 2
 NO_VIEW = 32_000
 """Cost where a plane of the base view does not reach the other picture."""
 
 
-def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float64]) -> NDArray[np.int32]:
+def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float64]) -> NDArray[np.int16]:
     """The cheapest plane of every second pixel, both ways, of the *other* picture.
 
     The costs need not be computed again: on each plane the homography says which base pixel a pixel
@@ -22,36 +24,41 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     """
     half = np.diag([1 / THINNING, 1 / THINNING, 1.0])
     thin = total[::THINNING, :, ::THINNING]
-    height, _, width = thin.shape
-    best = np.full((height, width), np.iinfo(np.int32).max, np.int32)
-    for k, inverse_depth in enumerate(planes):
-        backward = np.linalg.inv(half @ geometry.homography(float(inverse_depth)) @ np.linalg.inv(half))
-        costs = np.ascontiguousarray(thin[:, k])
-        seen = warp_plane(costs, np.asarray(backward, np.float64), cv2.INTER_NEAREST, NO_VIEW).astype(
-            np.int32
+    height, count, width = thin.shape
+    seen = np.empty((count, height, width), np.int16)
+
+    def turn(k: int) -> None:
+        backward = np.linalg.inv(half @ geometry.homography(float(planes[k])) @ np.linalg.inv(half))
+        seen[k] = warp_plane(
+            np.ascontiguousarray(thin[:, k]), np.asarray(backward, np.float64), cv2.INTER_NEAREST, NO_VIEW
         )
-        seen <<= 9
-        seen |= k
-        np.minimum(best, seen, out=best)
-    return best & 511
+
+    share(turn, range(count))
+    (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner].swapaxes(0, 1)),))
+    return best
 
 
 def agree(
-    plane: NDArray[np.int16], backward: NDArray[np.int32], projection: Projection, tolerance: int = 1
+    plane: NDArray[np.int16], backward: NDArray[np.int16], x: Field, y: Field, tolerance: int = 1
 ) -> Mask:
     """Which base pixels the other picture confirms.
 
     Args:
-        plane: the plane chosen in the base view; projection: where that puts each pixel.
+        plane: the plane chosen in the base view; x, y: where that puts each pixel.
         backward: the planes chosen in the other view, as `backward_planes` gives them.
         tolerance: how many planes the two may differ.
 
     Returns:
         confirmed, height × width.
     """
-    height, width = backward.shape
-    x, y = (np.nan_to_num(place / THINNING, nan=-9.0) for place in (projection.x, projection.y))
-    column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
-    in_view = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    there = backward[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-    return np.asarray(in_view & (np.abs(there - plane) <= tolerance))
+    # Nothing within the tolerance of any plane.
+    outside = -1 - tolerance
+    there = cv2.remap(
+        backward,
+        x / THINNING,
+        y / THINNING,
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=(outside,),
+    )
+    return np.asarray(np.abs(there - plane) <= tolerance)

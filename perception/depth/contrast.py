@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands
+
 Grey = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
@@ -48,16 +50,22 @@ def equalised_slopes(grey: Grey, noise: float) -> Bytes:
         noise: standard deviation of the pixel noise in grey levels.
 
     Returns:
-        height × width × 2: slope along x and along y.
+        2 × height × width: slope along x and along y.
     """
-    across = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
-    down = cv2.Sobel(grey, cv2.CV_32F, 0, 1)
-    power = window_mean(np.asarray(across * across + down * down, np.float32), CONTRAST_RADIUS)
     floor = (NOISE_LIMIT * SLOPE_GAIN * noise) ** 2
-    scale = np.float32(127) / np.sqrt(np.float32(LIMIT**2 / 2) * power + np.float32(floor))
-    half = np.full_like(scale, 127)
-    coded = [cv2.add(slope * scale, half, dtype=cv2.CV_8U) for slope in (across, down)]
-    return np.asarray(cv2.merge(coded), np.uint8)
+
+    def code(band: Band) -> tuple[Bytes, ...]:
+        across = cv2.Sobel(grey[band.outer], cv2.CV_32F, 1, 0)
+        down = cv2.Sobel(grey[band.outer], cv2.CV_32F, 0, 1)
+        power = window_mean(np.asarray(across * across + down * down, np.float32), CONTRAST_RADIUS)
+        scale = np.float32(127) / np.sqrt(np.float32(LIMIT**2 / 2) * power + np.float32(floor))
+        half = np.full_like(scale, 127)
+        return tuple(
+            np.asarray(cv2.add(slope * scale, half, dtype=cv2.CV_8U)[band.trim], np.uint8)
+            for slope in (across, down)
+        )
+
+    return np.stack(join_bands((grey.shape[0], grey.shape[1]), code, CONTRAST_RADIUS + 1))
 
 
 def smooth_against_noise(grey: Grey, noise: float) -> Grey:

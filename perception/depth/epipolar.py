@@ -11,12 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import join_bands
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
 
 Field = NDArray[np.float32]
 Matrix = NDArray[np.float64]
-ALL = slice(None)
+Some = slice | NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -40,42 +41,62 @@ class Epipolar:
         self.shape = shape
 
     @cached_property
-    def _rays(self) -> tuple[Field, Field, Field]:
-        """R p in pixels of the other view, so that it is ready to be divided: (fx r₁·p + cx r₃·p, …)."""
+    def _rays(self) -> Field:
+        """R p in pixels of the other view, so that it is ready to be divided: (fx r₁·p + cx r₃·p, …);
+        3 × height × width."""
         height, width = self.shape
         mixed = self.camera.matrix @ self.motion.rotation @ np.linalg.inv(self.camera.matrix)
         x = np.arange(width, dtype=np.float64)
         y = np.arange(height, dtype=np.float64)
-        first, second, third = (np.empty(self.shape, np.float32) for _ in range(3))
-        for row, ray in zip(mixed, (first, second, third), strict=True):
+        rays = np.empty((3, height, width), np.float32)
+        for row, ray in zip(mixed, rays, strict=True):
             np.add.outer(row[1] * y + row[2], row[0] * x, out=ray, casting="same_kind")
-        return first, second, third
+        return rays
 
     @cached_property
     def _shift(self) -> tuple[np.float32, np.float32, np.float32]:
         shift = (self.camera.matrix @ self.motion.translation).astype(np.float32)
         return shift[0], shift[1], shift[2]
 
-    def project(self, inverse_depth: Field | float, rows: slice = ALL) -> Projection:
-        """Where the pixels of the rows (all, if none are named) go when they stand at `inverse_depth` (1/m)."""
-        first, second, third = (ray[rows] for ray in self._rays)
+    def project(self, inverse_depth: Field | float, some: Some | None = None) -> Projection:
+        """Where pixels go when they stand at `inverse_depth` (1/m): all, or only those of some rows or of a mask."""
+        rho = np.asarray(inverse_depth, np.float32)
+        shift_x, shift_y, shift_z = self._shift
+
+        def work(rho: Field, some: Some) -> tuple[Field, ...]:
+            x, y, scale, behind = self._place(rho, some)
+            return x, y, scale, (shift_x - x * shift_z) * behind, (shift_y - y * shift_z) * behind
+
+        if some is None:
+            parts = join_bands(
+                self.shape, lambda band: work(rho[band.inner] if rho.ndim else rho, band.inner)
+            )
+        else:
+            parts = work(rho, some)
+        x, y, scale, slope_x, slope_y = parts
+        return Projection(x, y, scale, slope_x, slope_y, float(shift_z))
+
+    def meet(self, inverse_depth: Field | float, some: Some) -> tuple[Field, Field]:
+        """Only x' and y' of `project`."""
+        x, y, _, _ = self._place(inverse_depth, some)
+        return x, y
+
+    def in_view(self, inverse_depth: Field | float, some: Some) -> NDArray[np.bool_]:
+        """Which pixels of some rows or of a mask fall on the other picture from `inverse_depth` (1/m)."""
+        height, width = self.shape
+        x, y = self.meet(inverse_depth, some)
+        return np.asarray((x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5))
+
+    def _place(self, inverse_depth: Field | float, some: Some) -> tuple[Field, Field, Field, Field]:
+        """x', y', q₃ and 1/q₃; NaN behind the camera."""
+        first, second, third = self._rays[:, some]
         shift_x, shift_y, shift_z = self._shift
         rho = np.asarray(inverse_depth, np.float32)
         scale = third + rho * shift_z
         with np.errstate(divide="ignore", invalid="ignore"):
             behind = np.float32(1) / scale
         np.copyto(behind, np.float32(np.nan), where=~(scale > 1e-3))
-        x = (first + rho * shift_x) * behind
-        y = (second + rho * shift_y) * behind
-        return Projection(
-            x, y, scale, (shift_x - x * shift_z) * behind, (shift_y - y * shift_z) * behind, float(shift_z)
-        )
-
-    def in_view(self, projection: Projection) -> NDArray[np.bool_]:
-        """Which pixels fall on the other picture."""
-        height, width = self.shape
-        x, y = projection.x, projection.y
-        return np.asarray((x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5))
+        return (first + rho * shift_x) * behind, (second + rho * shift_y) * behind, scale, behind
 
     def homography(self, inverse_depth: float) -> Matrix:
         """Base pixels to pixels of the other view for the plane Z = 1/ρ: K (R + ρ t e₃ᵀ) K⁻¹."""

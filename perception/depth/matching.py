@@ -159,17 +159,15 @@ def match_pair(
         predicted: what is expected of the base view; NaN where nothing is.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
-
-    def keep(band: Band) -> tuple[Field, Mask]:
-        chosen = choice.inverse_depth[band.inner]
-        slope = geometry.project(chosen, band.inner)
-        kept = select(choice.sure[band.inner], chosen / choice.spacing, np.nan)
-        return kept, np.abs(slope.slope_x) >= np.abs(slope.slope_y)
-
-    kept, level = join_bands(base.shape, keep)
+    kept = select(choice.sure, choice.inverse_depth / choice.spacing, np.nan)
+    level = ~choice.sure
+    slope = geometry.project(choice.inverse_depth[level], level)
+    level[level] = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
     disparity, spread, far_off = fill_voids(kept, choice.hidden, level)
     shape = base.shape
-    (flat,) = join_bands(shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS)
+    (flat,) = join_bands(
+        shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
+    )
     refinement = refine(base, other, geometry, flat * choice.spacing, settings)
     # The membrane hands on by two rows an iteration what windows have gathered (the slant's, or larger ones of the
     # jumps); an even halo keeps the squares of the chess-board.
@@ -181,7 +179,9 @@ def match_pair(
         fine, fine_variance = refinement.inverse_depth(flat[rows] * choice.spacing, rows, settings.bias_px)
         worth = refinement.worth[rows]
         drift = refinement.off_line / np.square(np.maximum(worth, np.float32(1e-6))) / choice.spacing**2
-        blunt = np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+        blunt = (
+            np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+        )
         blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack[rows])
         jump = jump_height(disparity[rows], settings.window_radius)
         refined = choice.sure[rows] & np.isfinite(fine) & (jump < 0.5)

@@ -6,15 +6,22 @@ of an object stays sharp. Its minimum along a line is exact; the four directions
 semi-global matching (Hirschmüller). The arithmetic is in whole numbers.
 """
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands, share
+
+Costs = NDArray[np.uint8]
+"""Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""
 Volume = NDArray[np.int16]
+"""Sums of four strings, height × planes × width."""
 Row = NDArray[np.int16]
 
 
-def jump_costs(guide: NDArray[np.float32], jump: int, least: int, contrast: float) -> tuple[Volume, Volume]:
+def jump_costs(guide: NDArray[np.float32], jump: int, least: int, contrast: float) -> tuple[Costs, Costs]:
     """What a jump costs between vertical and between horizontal neighbours: less across an edge of the picture.
 
     Args:
@@ -25,49 +32,64 @@ def jump_costs(guide: NDArray[np.float32], jump: int, least: int, contrast: floa
         (height − 1) × width between a row and the next, (width − 1) × height between a column and the next.
     """
 
-    def cost(step: NDArray[np.float32]) -> Volume:
-        return np.maximum(jump / (1 + np.abs(step) / np.float32(contrast)), least).astype(np.int16)
+    def cost(step: NDArray[np.float32]) -> Costs:
+        return np.maximum(jump / (1 + np.abs(step) / np.float32(contrast)), least).astype(np.uint8)
 
     return cost(np.diff(guide, axis=0)), np.ascontiguousarray(cost(np.diff(guide, axis=1)).T)
 
 
-def sweep_lines(costs: Volume, total: Volume, bend: int, jumps: Volume) -> None:
-    """Run the weak string down and up the lines of `costs` (lines × planes × pixels) and put the sum into `total`.
+def sweep_lines(strings: Costs, bend: int, jumps: Costs) -> None:
+    """Run two weak strings at once, one down and one up the lines, in place.
 
     L_n(k) = c_n(k) + min(L(k), L(k ± 1) + bend, min L + jump) − min L, with L of the line before.
+
+    Args:
+        strings: lines × planes × 2 × pixels: the costs from the first line to the last, and from the last to the
+            first. A cost and a jump must fit a byte together.
+        jumps: (lines − 1) × pixels, between each line and the next.
     """
-    lines = len(costs)
-    best = np.empty(costs.shape[2], np.int16)
-    before, after = np.empty_like(costs[0]), np.empty_like(costs[0])
-    total[...] = 0
-    for order in (range(lines), range(lines - 1, -1, -1)):
-        down = order.step == 1
-        np.copyto(before, costs[order.start])
-        total[order.start] += before
-        for n in order[1:]:
-            np.minimum.reduce(before, axis=0, out=best)
-            np.subtract(before, best, out=before)
-            np.minimum(before, jumps[n - 1] if down else jumps[n], out=after)
-            np.add(before, np.int16(bend), out=before)
-            np.minimum(after[1:], before[:-1], out=after[1:])
-            np.minimum(after[:-1], before[1:], out=after[:-1])
-            np.add(after, costs[n], out=after)
-            np.add(total[n], after, out=total[n])
-            before, after = after, before
+    both_jumps = np.stack((jumps, jumps[::-1]), axis=1)
+    step = np.uint8(bend)
+    # What the calls cost is mostly the calling: few of them, on long rows, and none that makes an array.
+    best, level, bent = np.empty_like(strings[0, 0]), np.empty_like(strings[0]), np.empty_like(strings[0])
+    upper, lower, bent_upper, bent_lower = level[1:], level[:-1], bent[1:], bent[:-1]
+    before = strings[0]
+    for now, jump in zip(strings[1:], both_jumps, strict=True):
+        np.minimum.reduce(before, axis=0, out=best)
+        np.subtract(before, best, out=level)
+        # The jump first, so that the bend cannot overflow.
+        np.minimum(level, jump, out=level)
+        np.add(level, step, out=bent)
+        np.minimum(upper, bent_lower, out=upper)
+        np.minimum(lower, bent_upper, out=lower)
+        np.add(now, level, out=now)
+        before = now
 
 
-def aggregate(costs: Volume, bend: int, jumps: tuple[Volume, Volume]) -> Volume:
+def aggregate(costs: Costs, bend: int, jumps: tuple[Costs, Costs]) -> Volume:
     """The sum of the four weak strings through every pixel; costs and result height × planes × width."""
     height, count, width = costs.shape
-    total = np.empty_like(costs)
-    sweep_lines(costs, total, bend, jumps[0])
-    across = np.empty((width, count, height), np.int16)
-    for k in range(count):
-        across[:, k] = cv2.transpose(np.ascontiguousarray(costs[:, k]))
-    total_across = np.empty_like(across)
-    sweep_lines(across, total_across, bend, jumps[1])
-    for k in range(count):
-        total[:, k] += np.asarray(cv2.transpose(np.ascontiguousarray(total_across[:, k])), np.int16)
+    along = np.empty((height, count, 2, width), np.uint8)
+    across = np.empty((width, count, 2, height), np.uint8)
+
+    def lay(k: int) -> None:
+        along[:, k, 0] = costs[:, k]
+        along[:, k, 1] = costs[::-1, k]
+        turned = cv2.transpose(along[:, k, 0])
+        across[:, k, 0] = turned
+        across[:, k, 1] = turned[::-1]
+
+    share(lay, range(count))
+    sweep_lines(along, bend, jumps[0])
+    sweep_lines(across, bend, jumps[1])
+    total = np.empty(costs.shape, np.int16)
+
+    def add(k: int) -> None:
+        turned = cv2.transpose(np.add(across[:, k, 0], across[::-1, k, 1], dtype=np.int16))
+        turned += along[:, k, 0]
+        np.add(turned, along[::-1, k, 1], out=total[:, k])
+
+    share(add, range(count))
     return total
 
 
@@ -78,17 +100,36 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
         The number of the plane and the place in planes (height × width each).
     """
     height, count, width = total.shape
-    least = total[:, 0].copy()
-    plane = np.zeros((height, width), np.int16)
-    for k in range(1, count):
-        less = total[:, k] < least
-        np.copyto(least, total[:, k], where=less)
-        np.copyto(plane, k, where=less)
-    middle = np.clip(plane, 1, count - 2).astype(np.intp)
-    place = (np.arange(height)[:, None] * count + middle) * width + np.arange(width)[None, :]
-    below, here, above = (np.take(total, place + step).astype(np.float32) for step in (-width, 0, width))
-    curvature = below - 2 * here + above
-    offset = np.where(
-        (plane == middle) & (curvature > 0), 0.5 * (below - above) / np.maximum(curvature, 1), 0
-    )
-    return plane, (plane + np.clip(offset, -0.5, 0.5)).astype(np.float32)
+
+    def search(band: Band) -> tuple[Row, NDArray[np.float32]]:
+        costs = total[band.inner]
+        plane = cheapest(costs)
+        middle = np.clip(plane, 1, count - 2)
+        below, here, above = (pick(costs, middle + np.int16(step)).astype(np.float32) for step in (-1, 0, 1))
+        curvature = below - 2 * here + above
+        offset = np.float32(0.5) * (below - above) / np.maximum(curvature, np.float32(1))
+        offset *= (plane == middle) & (curvature > 0)
+        return plane, plane + np.clip(offset, np.float32(-0.5), np.float32(0.5))
+
+    plane, place = join_bands((height, width), search)
+    return plane, place
+
+
+def cheapest(costs: Volume) -> Row:
+    """The number of the cheapest plane, the first of equals; costs height × planes × width, result height × width."""
+    least: Row = np.minimum.reduce(costs, axis=1)
+    plane, number = np.zeros_like(least), np.empty_like(least)
+    for k in range(costs.shape[1] - 1, -1, -1):
+        number.fill(k)
+        cv2.copyTo(number, (costs[:, k] == least).view(np.uint8), plane)
+    return plane
+
+
+def pick(volume: NDArray[Any], plane: Row) -> NDArray[Any]:
+    """What a volume (height × planes × width) holds on one plane for every pixel; height × width."""
+    height, count, width = volume.shape
+    index = plane.astype(np.intp)
+    index += count * np.arange(height)[:, None]
+    index *= width
+    index += np.arange(width)
+    return np.take(volume.reshape(-1), index)

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bands import Band, join_bands
 from perception.depth.consistency import agree, backward_planes
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.pyramid import enlarge
-from perception.depth.scanline import aggregate, choose, jump_costs
+from perception.depth.scanline import aggregate, choose, jump_costs, pick
 from perception.depth.settings import Settings
 from perception.depth.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.view import View
@@ -57,15 +58,22 @@ def choose_planes(
     plane, place = choose(total)
     spacing = np.float32(planes[1] - planes[0])
     inverse_depth = np.asarray(np.float32(planes[0]) + place * spacing, np.float32)
-    sure = agree(plane, backward_planes(total, geometry, planes), geometry.project(inverse_depth))
-    reachable = np.ones(base.shape, bool)
+    backward = backward_planes(total, geometry, planes)
+
+    def judge(band: Band) -> tuple[Field, Field, Mask]:
+        rows = band.inner
+        sure = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
+        cost = pick(alone[rows], plane[rows]).astype(np.float32)
+        mean = np.add.reduce(alone[rows], axis=1, dtype=np.int32).astype(np.float32) / np.float32(len(planes))
+        lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
+        cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
+        return cost, lack, sure
+
+    cost, lack, sure = join_bands(base.shape, judge)
+    hidden = ~sure
     for end in (planes[0], planes[-1]):
-        reachable &= geometry.in_view(geometry.project(float(end)))
-    cost = np.take_along_axis(alone, plane[:, None, :].astype(np.intp), axis=1)[:, 0].astype(np.float32)
-    mean = np.add.reduce(alone, axis=1, dtype=np.int32) / np.float32(len(planes))
-    lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1).astype(np.float32)
-    cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
-    return Choice(inverse_depth, cost, lack, sure, ~sure & reachable, spacing)
+        hidden[hidden] = geometry.in_view(float(end), hidden)
+    return Choice(inverse_depth, cost, lack, sure, hidden, spacing)
 
 
 def choose_on_affordable_level(

@@ -31,7 +31,7 @@ class View:
 
     @cached_property
     def slopes(self) -> Bytes:
-        """The equalised slopes, height × width × 2."""
+        """The equalised slopes, 2 × height × width."""
         return equalised_slopes(self.calm, self.noise)
 
     @cached_property

@@ -4,13 +4,14 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from perception.depth.scanline import aggregate, choose, jump_costs, sweep_lines
+from perception.depth.scanline import aggregate, cheapest, choose, jump_costs, pick, sweep_lines
+from perception.depth.sweep import WORST
 
 
 def test_the_string_reaches_the_least_energy_of_all_paths():
     rng = np.random.default_rng(0)
-    costs = rng.integers(0, 50, (5, 4, 1)).astype(np.int16)
-    jumps = np.full((4, 1), 30, np.int16)
+    costs = rng.integers(0, 50, (5, 4, 1)).astype(np.uint8)
+    jumps = np.full((4, 1), 30, np.uint8)
     bend = 8
 
     def energy(path: tuple[int, ...]) -> int:
@@ -19,24 +20,24 @@ def test_the_string_reaches_the_least_energy_of_all_paths():
         return data + sum(0 if step == 0 else bend if step == 1 else 30 for step in steps)
 
     paths = list(product(range(4), repeat=5))
-    total = np.zeros_like(costs)
-    sweep_lines(costs, total, bend, jumps)
+    strings = np.stack((costs, costs[::-1]), axis=2)
+    sweep_lines(strings, bend, jumps)
     # Down plus up counts the line's own cost twice; per line both sums are relative to their least.
     for n in range(5):
         through = np.array([min(energy(path) for path in paths if path[n] == k) for k in range(4)])
-        summed = total[n, :, 0].astype(int) - costs[n, :, 0]
+        summed = strings[n, :, 0, 0].astype(int) + strings[4 - n, :, 1, 0] - costs[n, :, 0]
         assert (summed - summed.min() == through - through.min()).all()
 
 
 def test_rows_and_columns_are_treated_alike():
     rng = np.random.default_rng(1)
-    costs = rng.integers(0, 500, (12, 6, 9)).astype(np.int16)
+    costs = rng.integers(0, WORST, (12, 6, 9)).astype(np.uint8)
     guide = rng.uniform(0, 255, (12, 9)).astype(np.float32)
-    upright = aggregate(costs, 150, jump_costs(guide, 700, 180, 10.0))
+    upright = aggregate(costs, 40, jump_costs(guide, 150, 48, 10.0))
     turned = aggregate(
         np.ascontiguousarray(costs.transpose(2, 1, 0)),
-        150,
-        jump_costs(np.ascontiguousarray(guide.T), 700, 180, 10.0),
+        40,
+        jump_costs(np.ascontiguousarray(guide.T), 150, 48, 10.0),
     )
     assert (upright == turned.transpose(2, 1, 0)).all()
 
@@ -44,10 +45,32 @@ def test_rows_and_columns_are_treated_alike():
 def test_a_jump_costs_less_across_an_edge_of_the_picture():
     guide = np.zeros((4, 6), np.float32)
     guide[:, 3:] = 100
-    down, right = jump_costs(guide, 700, 150, 10.0)
-    assert (down == 700).all()
-    assert right[2].tolist() == [150] * 4
-    assert right[1].tolist() == [700] * 4
+    down, right = jump_costs(guide, 150, 40, 10.0)
+    assert (down == 150).all()
+    assert right[2].tolist() == [40] * 4
+    assert right[1].tolist() == [150] * 4
+
+
+def test_the_dearest_string_fits_a_byte():
+    # every plane but one costs the most, and which one changes from line to line, so that strings jump
+    costs = np.full((6, 8, 1), WORST, np.uint8)
+    costs[np.arange(6), np.array([0, 7, 0, 7, 0, 7])] = 0
+    jump, bend = 255 - WORST, WORST
+    strings = np.stack((costs, costs[::-1]), axis=2)
+    sweep_lines(strings, bend, np.full((5, 1), jump, np.uint8))
+    wide = costs[0, :, 0].astype(int)
+    for n in range(1, 6):
+        level = wide - wide.min()
+        padded = np.pad(level, 1, constant_values=10**6)
+        bent = np.minimum(padded[:-2], padded[2:]) + bend
+        wide = costs[n, :, 0] + np.minimum(np.minimum(level, bent), jump)
+    assert strings[5, :, 0, 0].tolist() == wide.tolist()
+
+
+def test_of_equally_cheap_planes_the_first_is_chosen():
+    costs = np.array([7, 3, 5, 3, 9], np.int16)[None, :, None]
+    assert cheapest(costs).tolist() == [[1]]
+    assert pick(costs, np.array([[4]], np.int16)).tolist() == [[9]]
 
 
 def test_the_place_between_planes_is_that_of_the_parabola():
