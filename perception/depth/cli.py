@@ -152,7 +152,7 @@ def _print(rows: list["Row"], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("picture", "step m", "turn °", "confirmed", "known", "depth m", "σ/depth", "ms")
+    table = Table("picture", "step m", "turn °", "stray px", "confirmed", "known", "depth m", "σ/depth", "ms")
     judged = any(row.accuracy for row in rows)
     if judged:
         for name in ("median err", "< 25 %", "bad 1", "bad 2", "in 68 %", "in 95 %"):
@@ -162,6 +162,7 @@ def _print(rows: list["Row"], out: Path) -> None:
             row.picture,
             f"{row.baseline_m:.3f}",
             f"{row.rotation_deg:.2f}",
+            f"{row.stray_px:.1f}" if row.stray_px else "–",
             f"{100 * row.confirmed:.0f} %",
             f"{100 * row.known:.1f} %",
             f"{row.median_depth_m:.3f}",

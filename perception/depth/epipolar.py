@@ -98,6 +98,10 @@ class Epipolar:
         np.copyto(behind, np.float32(np.nan), where=~(scale > 1e-3))
         return (first + rho * shift_x) * behind, (second + rho * shift_y) * behind, scale, behind
 
+    def overlaps(self, least: float) -> bool:
+        """Whether that part of the picture, or more, is seen in the other one from far away."""
+        return bool(self.in_view(0.0, slice(None, None, 8)).mean() >= least)
+
     def homography(self, inverse_depth: float) -> Matrix:
         """Base pixels to pixels of the other view for the plane Z = 1/ρ: K (R + ρ t e₃ᵀ) K⁻¹."""
         matrix = self.camera.matrix

@@ -1,12 +1,13 @@
 """Depth from motion, picture by picture: predict, match, regularise, fuse (thesis figure 2.8)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.carry import carry_map
+from perception.depth.coarse_match import match_coarsely
 from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
 from perception.depth.intrinsics import Intrinsics
@@ -14,7 +15,8 @@ from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_d
 from perception.depth.literal_match import match_literally
 from perception.depth.matching import match_pair
 from perception.depth.motion import Motion
-from perception.depth.search_range import search_range
+from perception.depth.motion_correction import correct_motion
+from perception.depth.search_range import expected_range, widest_range, with_margin
 from perception.depth.settings import DEFAULT, Settings
 from perception.depth.view import View
 from perception.depth.warp import warp_map
@@ -22,6 +24,10 @@ from perception.depth.warp import warp_map
 Field = NDArray[np.float32]
 LEAST_PARALLAX_PX = 0.5
 """A motion that moves no point nearer than `near` by this much tells nothing about depth."""
+KEPT_PARALLAX_PX = 12.0
+"""While the motion strays, a picture is kept until the median depth has moved by this much against it."""
+LEAST_OVERLAP = 0.6
+"""A picture is not kept when less than this part of the newest is confirmed by it, or could be."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,9 @@ class DepthMap:
     """The part of the pixels whose match was confirmed both ways."""
     lowest: float = float("nan")
     highest: float = float("nan")
+    stray_px: float = 0.0
+    """How far the matches lay off the epipolar lines of the motion that was given, which was then corrected; 0 when no
+    farther than they err themselves."""
 
     @property
     def depth(self) -> Field:
@@ -56,17 +65,41 @@ def as_grey(image: NDArray[np.uint8]) -> Field:
     return image.astype(np.float32)
 
 
+@dataclass
+class _Kept:
+    """The kept picture and the motion from it to the newest one, as it was given and as it was corrected; and what
+    the camera has moved since it last measured."""
+
+    view: View
+    given: Motion = field(default_factory=Motion.identity)
+    corrected: Motion = field(default_factory=Motion.identity)
+    unmeasured: Motion = field(default_factory=Motion.identity)
+
+    def advance(self, motion: Motion, anchored: bool) -> None:
+        """The next picture; its motion is from the kept one when anchored, from the one before otherwise."""
+        self.given = motion if anchored else self.given.then(motion)
+        self.unmeasured = motion if anchored else self.unmeasured.then(motion)
+
+    def correct(self, corrected: Motion) -> Motion:
+        """Take the corrected motion from the kept picture to the newest; what it makes of the motion to step by."""
+        step = self.corrected.inverse().then(corrected)
+        self.corrected = corrected
+        return step
+
+
 class DepthFromMotion:
     """The recursive estimator. It keeps one picture and one map; the map stands in the newest view.
 
-    With `anchored` the kept picture is the first one and the map stays in its view.
+    The kept picture is the one before, or an older one while the motion strays from what is seen: what such a motion
+    errs along the lines is some pixels on any baseline, and so weighs less on a long one. With `anchored` the kept
+    picture is the first one and the map stays in its view.
     """
 
     def __init__(self, camera: Intrinsics, settings: Settings = DEFAULT, anchored: bool = False) -> None:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored
-        self._kept: View | None = None
+        self._kept: _Kept | None = None
         self._state: InverseDepth | None = None
         self._colour = False
 
@@ -77,9 +110,9 @@ class DepthFromMotion:
 
     def start(self, image: NDArray[np.uint8]) -> DepthMap:
         """Take the first picture."""
-        self._kept = View(as_grey(image))
+        self._kept = _Kept(View(as_grey(image)))
         self._colour = image.ndim == 3
-        shape = self._kept.shape
+        shape = self._kept.view.shape
         self._state = self._presumed(shape) if self.settings.literal else InverseDepth.unknown(shape)
         return DepthMap(self._state, False, 0.0)
 
@@ -88,7 +121,7 @@ class DepthFromMotion:
 
         Args:
             image: height × width grey or × 3 colour (BGR), of the first picture's size and kind.
-            motion: from the view of the kept picture (the one before, or the first one when anchored) to this one.
+            motion: from the view of the picture before (the first one when anchored) to this one.
 
         Raises:
             ImageError: the picture differs from the first in size or kind.
@@ -97,28 +130,61 @@ class DepthFromMotion:
             raise ImageError("the first picture is given to start(), not to step()")
         view = View(as_grey(image))
         self._check(image, view)
-        shape = view.shape
-        if self.anchored:
-            predicted, base, other = self._state, self._kept, view
-            geometry = Epipolar(self.camera, motion, shape)
-        else:
-            predicted, base, other = self._predict(motion, shape), view, self._kept
-            geometry = Epipolar(self.camera, motion.inverse(), shape)
-            self._kept = view
-        near, far = 1 / self.settings.near, 1 / self.settings.far
-        if geometry.parallax(near, far) < LEAST_PARALLAX_PX:
-            self._state = predicted
-            return DepthMap(predicted, False, 0.0)
         if self.settings.literal:
-            measured = match_literally(base.grey, other.grey, geometry, predicted, self.settings)
-            everywhere = np.isfinite(measured.value)
-            infinite = np.full(shape, np.inf, np.float32)
-            self._state = fuse(predicted, measured, everywhere, float("inf"), infinite)
-            return DepthMap(self._state, True, float(everywhere.mean()))
-        lowest, highest = search_range(base, other, geometry, predicted, self.settings)
-        match = match_pair(base, other, geometry, lowest, highest, predicted, self.settings)
+            return self._step_literally(view, motion)
+        kept, shape = self._kept, view.shape
+        kept.advance(motion, self.anchored)
+        base, other = (kept.view, view) if self.anchored else (view, kept.view)
+        geometry = Epipolar(self.camera, kept.given if self.anchored else kept.given.inverse(), shape)
+        if self._parallax(kept.unmeasured, shape) < LEAST_PARALLAX_PX:
+            if not self.anchored:
+                self._state = self._predict(kept.correct(kept.corrected.then(motion)), shape)
+                if not geometry.overlaps(LEAST_OVERLAP):
+                    self._kept = _Kept(view)
+            return DepthMap(self._state, False, 0.0)
+        limits = widest_range(geometry, self.settings)
+        expected = expected_range(self._state, 0.0 if self.anchored else float(motion.translation[2]))
+        searched = None if expected is None else with_margin(expected, limits, geometry)
+        coarse = match_coarsely(base, other, geometry, searched or limits, self.settings)
+        if searched is None:
+            searched = with_margin(coarse.range() or limits, limits, geometry)
+        correction = correct_motion(coarse, self.settings)
+        geometry = Epipolar(self.camera, correction.motion, shape)
+        predicted = self._state
+        if not self.anchored:
+            predicted = self._predict(kept.correct(correction.motion.inverse()), shape)
+        match = match_pair(base, other, geometry, *searched, predicted, self.settings, correction.error_px)
         self._state = fuse(predicted, match.measured, match.sure, self.settings.gate, match.reach)
-        return DepthMap(self._state, True, float(match.sure.mean()), lowest, highest)
+        confirmed = float(match.sure.mean())
+        kept.unmeasured = Motion.identity()
+        middle = float(np.nanmedian(self._state.value[::4, ::4]))
+        far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
+        if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
+            self._kept = _Kept(view)
+        return DepthMap(self._state, True, confirmed, *searched, correction.stray_px)
+
+    def _step_literally(self, view: View, motion: Motion) -> DepthMap:
+        """The pair as chapter 2 treats it, the motion as it is given."""
+        assert self._kept is not None
+        assert self._state is not None
+        shape = view.shape
+        predicted = self._state if self.anchored else self._predict(motion, shape)
+        base, other = (self._kept.view, view) if self.anchored else (view, self._kept.view)
+        if not self.anchored:
+            self._kept = _Kept(view)
+        self._state = predicted
+        if self._parallax(motion, shape) < LEAST_PARALLAX_PX:
+            return DepthMap(predicted, False, 0.0)
+        geometry = Epipolar(self.camera, motion if self.anchored else motion.inverse(), shape)
+        measured = match_literally(base.grey, other.grey, geometry, predicted, self.settings)
+        everywhere = np.isfinite(measured.value)
+        infinite = np.full(shape, np.inf, np.float32)
+        self._state = fuse(predicted, measured, everywhere, float("inf"), infinite)
+        return DepthMap(self._state, True, float(everywhere.mean()))
+
+    def _parallax(self, motion: Motion, shape: tuple[int, int]) -> float:
+        """The greatest displacement in pixels between a point at `near` and one at `far`."""
+        return Epipolar(self.camera, motion, shape).parallax(1 / self.settings.near, 1 / self.settings.far)
 
     def _predict(self, motion: Motion, shape: tuple[int, int]) -> InverseDepth:
         assert self._state is not None
@@ -146,8 +212,8 @@ class DepthFromMotion:
 
     def _check(self, image: NDArray[np.uint8], view: View) -> None:
         assert self._kept is not None
-        if view.shape != self._kept.shape:
-            height, width = self._kept.shape
+        if view.shape != self._kept.view.shape:
+            height, width = self._kept.view.shape
             raise ImageError(
                 f"a picture of {view.shape[1]}×{view.shape[0]} after one of {width}×{height}: all must have one size"
             )

@@ -14,7 +14,7 @@ from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
-from perception.depth.view import View
+from perception.depth.view import View, least_power
 from perception.depth.voids import fill_voids
 
 Field = NDArray[np.float32]
@@ -23,8 +23,6 @@ Mask = NDArray[np.bool_]
 
 FLAT_RADIUS = 4
 """Half the window, in pixels, over which the steps between planes are smoothed."""
-NOISE_FLOOR = 0.5
-"""No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
 LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
 LINE_THINNING = 3
@@ -93,7 +91,12 @@ class Refinement:
 
 
 def refine(
-    base: View, other: View, geometry: Epipolar, inverse_depth: Field, settings: Settings
+    base: View,
+    other: View,
+    geometry: Epipolar,
+    inverse_depth: Field,
+    settings: Settings,
+    motion_error_px: float = 0.0,
 ) -> Refinement:
     """Measure what is left of the disparity on the error surface (2.8).
 
@@ -101,7 +104,7 @@ def refine(
     covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
     line would do to it is part of its variance.
     """
-    floor = np.float32(2 * (NOISE_FLOOR * max(base.noise, other.noise)) ** 2)
+    floor = least_power(base, other)
     calm, calm_other = base.calm, other.calm
     height, width = base.shape
     thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
@@ -124,7 +127,9 @@ def refine(
         return shift, spread, worth[band.trim]
 
     shift, spread, worth = join_bands(base.shape, measure, settings.window_radius)
-    return Refinement(shift, spread, worth, np.float32(line_error(across, across_variance) ** 2))
+    return Refinement(
+        shift, spread, worth, np.float32(line_error(across, across_variance) ** 2 + motion_error_px**2)
+    )
 
 
 def line_error(across: Field, variance: Field) -> float:
@@ -149,6 +154,7 @@ def match_pair(
     highest: float,
     predicted: InverseDepth,
     settings: Settings,
+    motion_error_px: float = 0.0,
 ) -> Match:
     """Match the base picture with the other one and regularise.
 
@@ -157,6 +163,7 @@ def match_pair(
         geometry: from the base view to the other.
         lowest, highest: inverse depths between which to search.
         predicted: what is expected of the base view; NaN where nothing is.
+        motion_error_px: by how much the motion is expected to shift a match along its line.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     kept = select(choice.sure, choice.inverse_depth / choice.spacing, np.nan)
@@ -168,7 +175,7 @@ def match_pair(
     (flat,) = join_bands(
         shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
     )
-    refinement = refine(base, other, geometry, flat * choice.spacing, settings)
+    refinement = refine(base, other, geometry, flat * choice.spacing, settings, motion_error_px)
     # The membrane hands on by two rows an iteration what windows have gathered (the slant's, or larger ones of the
     # jumps); an even halo keeps the squares of the chess-board.
     window = max(settings.window_radius, 2)

@@ -54,6 +54,7 @@ class Row:
     picture: str
     baseline_m: float
     rotation_deg: float
+    stray_px: float
     confirmed: float
     known: float
     median_depth_m: float
@@ -198,6 +199,7 @@ def _row(
         name,
         motion.distance,
         float(np.degrees(motion.angle)),
+        result.stray_px,
         result.confirmed,
         float(known.mean()),
         float(1 / np.median(value[known])) if known.any() else nan,

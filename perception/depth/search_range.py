@@ -1,52 +1,52 @@
-"""Between which inverse depths to search: what is predicted, or what the coarsest level of the pyramid finds."""
+"""Between which inverse depths to search: what the map has led to expect, or all that the settings allow."""
 
-import cv2
 import numpy as np
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.settings import Settings
-from perception.depth.sweep_choice import choose_planes
-from perception.depth.view import View
 
+Range = tuple[float, float]
 WIDEST = 0.35
 """Greatest disparity searched, as a part of the picture's width."""
 MARGIN_PX = 2.0
 MARGIN_PART = 0.15
 """Room for what comes nearer or into view: so many pixels, or this part of the nearest inverse depth."""
+KNOWN_PART = 0.4
+"""A map that knows less than this part of its pixels leads to expect nothing."""
 
 
-def search_range(
-    base: View, other: View, geometry: Epipolar, predicted: InverseDepth, settings: Settings
-) -> tuple[float, float]:
-    """Least and greatest inverse depth worth searching, within the settings' `near` and `far`."""
+def widest_range(geometry: Epipolar, settings: Settings) -> Range:
+    """From `far` to `near`, as far as the disparity stays below `WIDEST`."""
     lowest, highest = 1 / settings.far, 1 / settings.near
-    widest = WIDEST * base.shape[1]
+    widest = WIDEST * geometry.shape[1]
     while geometry.parallax(highest, lowest) > widest and highest > lowest * 1.01:
         highest = max(highest * 0.9, lowest * 1.01)
-    known = np.isfinite(predicted.value) & (predicted.cost < 1)
-    if known.mean() > 0.4:
-        low, high = np.percentile(predicted.value[::2, ::2][known[::2, ::2]], (0.5, 99.5))
-    else:
-        low, high = _coarse_range(base, other, geometry, lowest, highest, settings)
+    return lowest, highest
+
+
+def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
+    """Between which inverse depths all but a hundredth of the map lies after a motion; None if it knows too little.
+
+    ρ' = ρ/(1 + b ρ) of (2.21) in the middle of the picture.
+
+    Args:
+        shift_z: b, the third component of the motion's translation, m.
+    """
+    value, cost = state.value[::2, ::2], state.cost[::2, ::2]
+    known = np.isfinite(value) & (cost < 1)
+    if known.mean() <= KNOWN_PART:
+        return None
+    low, high = (float(rho) for rho in np.percentile(value[known], (0.5, 99.5)))
+    if 1 + shift_z * high < 0.1:
+        return None
+    return low / (1 + shift_z * low), high / (1 + shift_z * high)
+
+
+def with_margin(expected: Range, limits: Range, geometry: Epipolar) -> Range:
+    """The expected range with room for what comes nearer or into view, inside the limits."""
+    lowest, highest = limits
     margin = MARGIN_PX * (highest - lowest) / max(geometry.parallax(highest, lowest), 1e-6)
-    low, high = (
-        max(lowest, float(low) - margin),
-        min(highest, float(high) + max(margin, MARGIN_PART * float(high))),
-    )
-    return (low, high) if high > low else (lowest, highest)
-
-
-def _coarse_range(
-    base: View, other: View, geometry: Epipolar, lowest: float, highest: float, settings: Settings
-) -> tuple[float, float]:
-    level, level_other = base.level(settings.levels - 1), other.level(settings.levels - 1)
-    shape = level.shape
-    coarse = Epipolar(geometry.camera.scaled(shape[1] / base.shape[1]), geometry.motion, shape)
-    planes = coarse.planes(lowest, highest)
-    choice = choose_planes(level, level_other, coarse, planes, InverseDepth.unknown(shape), settings)
-    sure = cv2.erode(choice.sure.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-    if sure.mean() < 0.02:
-        return lowest, highest
-    found = np.percentile(choice.inverse_depth[sure], (0.5, 99.5))
-    return float(found[0]), float(found[1])
+    low = max(lowest, expected[0] - margin)
+    high = min(highest, expected[1] + max(margin, MARGIN_PART * expected[1]))
+    return (low, high) if high > low else limits

@@ -55,3 +55,12 @@ class View:
                 break
             view = view.halved
         return view
+
+
+NOISE_FLOOR = 0.5
+"""No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
+
+
+def least_power(base: View, other: View) -> np.float32:
+    """The least mean square difference of two pictures that is believed, grey levels squared."""
+    return np.float32(2 * (NOISE_FLOOR * max(base.noise, other.noise)) ** 2)
