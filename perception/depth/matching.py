@@ -181,6 +181,8 @@ def match_pair(
     window = max(settings.window_radius, 2)
     halo = 2 * settings.membrane_iterations + window + window % 2
 
+    guide, contrast = base.bare, max(base.contrast, base.noise)
+
     def settle(band: Band) -> tuple[Field, ...]:
         rows = band.outer
         fine, fine_variance = refinement.inverse_depth(flat[rows] * choice.spacing, rows, settings.bias_px)
@@ -199,8 +201,7 @@ def match_pair(
         )
         variance += np.square(settings.void_part * spread[rows]) + np.square(np.float32(0.1) * far_off[rows])
 
-        contrast = max(base.contrast, base.noise)
-        springs = Springs.cut_at_edges(base.calm[rows], contrast, disparity[rows], settings.tear_px)
+        springs = Springs.cut_at_edges(guide[rows], contrast, disparity[rows], settings.tear_px)
         regular = relax_membrane(
             value, variance, springs, settings.strength, settings.membrane_iterations, value
         )

@@ -53,7 +53,7 @@ def choose_planes(
     contrast = max(0.7 * base.contrast, 2 * base.noise)
     bend = int(settings.bend * WORST)
     total = aggregate(
-        costs, bend, jump_costs(base.calm, int(settings.jump * WORST), bend + bend // 5, contrast)
+        costs, bend, jump_costs(base.bare, int(settings.jump * WORST), bend + bend // 5, contrast)
     )
     plane, place = choose(total)
     spacing = np.float32(planes[1] - planes[0])

@@ -5,11 +5,21 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from perception.depth.contrast import Bytes, Grey, equalised_slopes, estimate_noise, smooth_against_noise
+from perception.depth.contrast import (
+    NOISE_LEFT,
+    NOISY_SHARE,
+    Bytes,
+    Grey,
+    equalised_slopes,
+    estimate_noise,
+    noise_share,
+    smooth_against_noise,
+    take_out_noise,
+)
 
 
 class View:
-    """One picture in grey levels; noise, calmed picture and equalised slopes follow when they are asked for."""
+    """One picture in grey levels; noise, calmed pictures and equalised slopes follow when they are asked for."""
 
     def __init__(self, grey: Grey) -> None:
         self.grey = grey
@@ -25,19 +35,34 @@ class View:
         return estimate_noise(self.grey)
 
     @cached_property
+    def noise_share(self) -> float:
+        """The part of the slopes that the noise makes."""
+        return noise_share(self.grey, self.noise)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise makes much of the slopes."""
+        return self.noise_share >= NOISY_SHARE
+
+    @cached_property
     def calm(self) -> Grey:
-        """The picture, blurred a little where noise stands out."""
-        return smooth_against_noise(self.grey, self.noise)
+        """The picture, blurred a little where noise stands out: for the measurement."""
+        return smooth_against_noise(self.grey, self.noise_share)
+
+    @cached_property
+    def bare(self) -> Grey:
+        """The picture with its noise taken out and its edges left, if it is noisy: for the search."""
+        return take_out_noise(self.grey, self.noise) if self.noisy else self.grey
 
     @cached_property
     def slopes(self) -> Bytes:
         """The equalised slopes, 2 × height × width."""
-        return equalised_slopes(self.calm, self.noise)
+        return equalised_slopes(self.bare, NOISE_LEFT * self.noise if self.noisy else self.noise)
 
     @cached_property
     def contrast(self) -> float:
         """Root mean square of the step between neighbours in a row, grey levels."""
-        return float(np.sqrt(np.mean(np.square(np.diff(self.calm, axis=1)))))
+        return float(np.sqrt(np.mean(np.square(np.diff(self.bare, axis=1)))))
 
     @cached_property
     def halved(self) -> "View":
