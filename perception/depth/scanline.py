@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands, share
+from perception.depth.bands import Band, bands, share
 
 Costs = NDArray[np.uint8]
 """Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""
@@ -91,6 +91,29 @@ def aggregate(costs: Costs, bend: int, jumps: tuple[Costs, Costs]) -> Volume:
 
     share(add, range(count))
     return total
+
+
+def hear_neighbours(costs: Costs, total: Volume, most: int) -> Costs:
+    """Half the costs and half what the strings made of them, min(¼(S − min S), most).
+
+    A string knows only its own line. In noise the lines disagree and the map is streaked; strings that run a
+    second time, over these costs, hear through every pixel the strings that cross there, and so the lines beside
+    their own.
+    """
+    mixed = np.empty_like(costs)
+
+    def mix(band: Band) -> None:
+        for row in range(band.inner.start, band.inner.stop):
+            heard = total[row] - np.minimum.reduce(total[row], axis=0)
+            heard >>= 2
+            np.minimum(heard, np.int16(most), out=heard)
+            heard += costs[row]
+            heard >>= 1
+            np.copyto(mixed[row], heard, casting="unsafe")
+
+    height, _, width = costs.shape
+    share(mix, bands((height, width)))
+    return mixed
 
 
 def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:

@@ -11,13 +11,16 @@ from perception.depth.consistency import agree, backward_planes
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.pyramid import enlarge
-from perception.depth.scanline import aggregate, choose, jump_costs, pick
+from perception.depth.scanline import aggregate, choose, hear_neighbours, jump_costs, pick
 from perception.depth.settings import Settings
 from perception.depth.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.view import View
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+
+AGAIN = 0.75
+"""What a bend or a jump costs in each of two runs, as a part of its cost in one: in the second both are charged."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +54,12 @@ def choose_planes(
         alone = costs.copy()
         admit_prediction(costs, planes, predicted, settings.stiffness)
     contrast = max(0.7 * base.contrast, 2 * base.noise)
-    bend = int(settings.bend * WORST)
-    total = aggregate(
-        costs, bend, jump_costs(base.bare, int(settings.jump * WORST), bend + bend // 5, contrast)
-    )
+    price = WORST * (AGAIN if base.noisy else 1)
+    bend = int(settings.bend * price)
+    jumps = jump_costs(base.bare, int(settings.jump * price), bend + bend // 5, contrast)
+    total = aggregate(costs, bend, jumps)
+    if base.noisy:
+        total = aggregate(hear_neighbours(costs, total, WORST), bend, jumps)
     plane, place = choose(total)
     spacing = np.float32(planes[1] - planes[0])
     inverse_depth = np.asarray(np.float32(planes[0]) + place * spacing, np.float32)
