@@ -11,6 +11,8 @@ from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
+from perception.depth.outline import HALO as OUTLINE_HALO
+from perception.depth.outline import align_outlines
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
@@ -170,8 +172,13 @@ def match_pair(
     level = ~choice.sure
     slope = geometry.project(choice.inverse_depth[level], level)
     level[level] = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
-    disparity, spread, far_off = fill_voids(kept, choice.hidden, level)
-    shape = base.shape
+    filled, spread, far_off = fill_voids(kept, choice.hidden, level)
+    shape, guide = base.shape, base.bare
+    (disparity,) = join_bands(
+        shape,
+        lambda band: (align_outlines(filled[band.outer], guide[band.outer], base.noise)[band.trim],),
+        OUTLINE_HALO,
+    )
     (flat,) = join_bands(
         shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
     )
@@ -181,7 +188,7 @@ def match_pair(
     window = max(settings.window_radius, 2)
     halo = 2 * settings.membrane_iterations + window + window % 2
 
-    guide, contrast = base.bare, max(base.contrast, base.noise)
+    contrast = max(base.contrast, base.noise)
 
     def settle(band: Band) -> tuple[Field, ...]:
         rows = band.outer

@@ -38,9 +38,9 @@ class Settings:
     """How far a match may lie off its epipolar line: the soft epipolar term as a standard deviation."""
     epipolar_weight: float = 5.0
     """λ_ep of (2.7), (2.8), in squared grey levels per px²; for the literal match."""
-    unrefined_px: float = 0.5
+    unrefined_px: float = 0.35
     """Deviation of a confirmed match whose error surface shows no minimum."""
-    jump_part: float = 0.2
+    jump_part: float = 0.1
     """Deviation beside a jump of the disparity, as a part of the jump."""
     void_part: float = 0.5
     """Deviation of a filled void, as a part of the spread of what stands around it."""
