@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.bands import Band, join_bands
-from perception.depth.consistency import agree, backward_planes
+from perception.depth.consistency import agree, backward_planes, without_specks
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.pyramid import enlarge
@@ -74,7 +74,8 @@ def choose_planes(
         cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
         return cost, lack, sure
 
-    cost, lack, sure = join_bands(base.shape, judge)
+    cost, lack, agreed = join_bands(base.shape, judge)
+    sure = without_specks(agreed, place)
     hidden = ~sure
     for end in (planes[0], planes[-1]):
         hidden[hidden] = geometry.in_view(float(end), hidden)
