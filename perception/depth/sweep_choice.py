@@ -53,7 +53,7 @@ def choose_planes(
     if np.isfinite(predicted.value).any():
         alone = costs.copy()
         admit_prediction(costs, planes, predicted, settings.stiffness)
-    contrast = max(0.7 * base.contrast, 2 * base.noise)
+    contrast = max(0.6 * base.contrast, 1.4 * base.noise)
     price = WORST * (AGAIN if base.noisy else 1)
     bend = int(settings.bend * price)
     jumps = jump_costs(base.bare, int(settings.jump * price), bend + bend // 5, contrast)
