@@ -16,6 +16,10 @@ from perception.depth.select import select
 Field = NDArray[np.float32]
 SAME_SURFACE = 0.04
 """Neighbours whose inverse depths differ by more than this part are not interpolated between."""
+SLOPE_PX = 7
+"""Side of the window over which the slope of a surface is measured."""
+STEEPEST = 0.3
+"""Slopes of the disparity beyond this are jumps."""
 
 
 def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
@@ -31,6 +35,12 @@ def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
     away_x, away_y = moved.x - x, moved.y - y
     filled = select(np.isfinite(predicted.value), predicted.value, -1e6)
 
+    def draw_out(band: Band) -> tuple[Field]:
+        variance = predicted.variance[band.inner] / np.square(_stretch(predicted, moved, band))
+        return (np.asarray(variance, np.float32),)
+
+    (variance,) = join_bands(shape, draw_out, SLOPE_PX // 2 + 1)
+
     def fetch(band: Band) -> tuple[Field, ...]:
         here = source[band.inner]
         known, place = here >= 0, np.maximum(here, 0).astype(np.intp)
@@ -45,11 +55,26 @@ def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
         value = select(np.abs(between - own) <= SAME_SURFACE * own, between, own)
         return (
             select(known, value, np.nan),
-            select(known, at_source(predicted.variance), np.nan),
+            select(known, at_source(variance), np.nan),
             select(known, at_source(predicted.cost), 1),
         )
 
     return InverseDepth(*join_bands(shape, fetch))
+
+
+def _stretch(predicted: InverseDepth, moved: Projection, band: Band) -> Field:
+    """How far the surface is drawn out where it lands, 1 + C·∇ρ; 1 is as it was.
+
+    A point of wrong depth lands beside its place by C e, where a sloping surface has another depth, so that what
+    is wrong at a pixel is e/(1 + C·∇ρ): it grows from picture to picture where the surface is pressed together.
+    """
+    rows = band.outer
+    known = cv2.patchNaNs(predicted.value[rows] * moved.scale[rows], 0)
+    smooth = cv2.blur(known, (SLOPE_PX, SLOPE_PX))
+    across = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
+    down = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=1, scale=0.5)
+    drawn = across * moved.slope_x[rows] + down * moved.slope_y[rows]
+    return np.asarray((1 + cv2.patchNaNs(np.clip(drawn, -STEEPEST, STEEPEST), 0))[band.trim], np.float32)
 
 
 def _nearest_source(predicted: InverseDepth, moved: Projection) -> NDArray[np.int32]:

@@ -28,6 +28,11 @@ NOISY_SHARE = 0.3
 """A picture is noisy when the noise makes this part of its slopes or more."""
 NOISE_LEFT = 0.75
 """What `take_out_noise` leaves of it where the texture is: a third on even ground, all of it on an edge."""
+SOFTENING = np.array([0.25, 0.5, 0.25], np.float32)
+SOFTENED_NOISE = float(np.sum(SOFTENING**2)) ** 2
+"""The part of the noise's variance that a pixel of the softened picture keeps."""
+ROUNDING = SOFTENED_NOISE / 12
+"""Grey levels squared: what rounding to whole levels leaves as difference of two softened pictures."""
 
 
 def estimate_noise(grey: Grey) -> float:
@@ -80,14 +85,6 @@ def noise_share(grey: Grey, noise: float) -> float:
     return SLOPE_GAIN * noise / max(texture, 1e-6)
 
 
-def smooth_against_noise(grey: Grey, share: float) -> Grey:
-    """Blur a little where the noise, `share` of the slopes, stands out; leave a clean picture alone."""
-    if share < NOISY_SHARE:
-        return grey
-    sigma = min(2.0 * (share - NOISY_SHARE / 2), 0.8)
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), sigma), np.float32)
-
-
 def take_out_noise(grey: Grey, noise: float) -> Grey:
     """Take out the noise and leave the edges: Wiener's filter with the statistics of windows of 3×3 (Lee).
 
@@ -103,3 +100,19 @@ def take_out_noise(grey: Grey, noise: float) -> Grey:
     part = np.asarray(signal / (signal + power), np.float32)
     rest = np.asarray((1 - part) * mean, np.float32)
     return np.asarray(window_mean(part, 1) * grey + window_mean(rest, 1), np.float32)
+
+
+def soften(grey: Grey) -> Grey:
+    """Take out the waves of less than four pixels, which no interpolation puts in the right place."""
+    return np.asarray(cv2.sepFilter2D(grey, cv2.CV_32F, SOFTENING, SOFTENING), np.float32)
+
+
+def noise_weight(soft: Grey) -> float:
+    """By how much noise moves a match more than its variance in the softened picture says.
+
+    Softened noise no longer differs from pixel to pixel. What Σ φ g n sees of it is h ∗ g in the place of g, so
+    that its variance is Σ (h ∗ g)²/Σ g² of that of the noise before, which is Σ h² times smaller now.
+    """
+    slope = np.diff(soft, axis=1)
+    seen = float(np.mean(np.square(soften(slope)))) / max(float(np.mean(np.square(slope))), 1e-9)
+    return max(seen, SOFTENED_NOISE) / SOFTENED_NOISE

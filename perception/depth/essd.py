@@ -1,7 +1,7 @@
 """The extended sum of squared differences around a predicted match, thesis (2.6)–(2.8).
 
 Every pixel of the base picture is sent to the other one by its own inverse depth, so that the window
-follows a slanted surface; the error surface is then sampled around that place along the epipolar line
+follows a slanted surface; the error surface is then expanded around that place along the epipolar line
 (u) and across it (v).
 """
 
@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.epipolar import Projection
-from perception.depth.parabola import Quadric, fit_quadric
+from perception.depth.interpolation import Between
+from perception.depth.parabola import Quadric
 from perception.depth.select import select
 
 Field = NDArray[np.float32]
-STENCIL = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
+LEAST_POWER = 1e-3
+"""No window has less contrast than this, grey levels squared."""
+SLOPE_NOISE = 0.56
+"""Variance of the noise in a slope for one of the noise in a softened picture, white before it was softened."""
 
 
 class Equalisation(Enum):
@@ -56,10 +60,11 @@ class BaseWindow:
         self._profile = (profile / profile.sum()).astype(np.float32)
         self.pixels = round(1 / float(np.sum(self._profile**2)) ** 2)
         """N: the pixels of the flat window that averages noise as well."""
-        self.mean = self._average(grey)
-        self.variance = np.maximum(self._average(grey * grey) - self.mean * self.mean, 0)
+        self.mean = self.average(grey)
+        self.variance = np.maximum(self.average(grey * grey) - self.mean * self.mean, 0)
 
-    def _average(self, image: Field) -> Field:
+    def average(self, image: Field) -> Field:
+        """Σ φ image/N over the window of every pixel."""
         return np.asarray(
             cv2.sepFilter2D(image, -1, self._profile, self._profile, borderType=cv2.BORDER_REFLECT_101),
             np.float32,
@@ -69,29 +74,20 @@ class BaseWindow:
         """Σ φ [I_t − equalised I_{t+τ}]² over the window, Σ φ = N; height × width, grey levels squared."""
         if self.equalisation is Equalisation.NONE:
             difference = self.grey - warped
-            return self._average(difference * difference) * np.float32(self.pixels)
-        mean = self._average(warped)
+            return self.average(difference * difference) * np.float32(self.pixels)
+        mean = self.average(warped)
         if self.equalisation is Equalisation.MEAN_RATIO:
             gate = np.sqrt(self.variance) > TEXTURE_GATE * np.maximum(self.mean, 1e-3)
             ratio = np.where(gate & (mean > 1e-3), self.mean / np.maximum(mean, 1e-3), np.float32(1))
-            square = self._average(self.grey * self.grey)
-            cross = self._average(self.grey * warped)
-            power = self._average(warped * warped)
+            square = self.average(self.grey * self.grey)
+            cross = self.average(self.grey * warped)
+            power = self.average(warped * warped)
             return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
-        # As 2 N (σ² − σ/σ' cov), step by step in place, for this is asked seven times a pixel.
-        product = warped * warped
-        variance = self._average(product)
-        variance -= np.multiply(mean, mean, out=product)
-        np.maximum(variance, np.float32(1e-6), out=variance)
-        covariance = self._average(np.multiply(self.grey, warped, out=product))
-        mean *= self.mean
-        covariance -= mean
-        np.divide(self.variance, variance, out=variance)
-        covariance *= np.sqrt(variance, out=variance)
-        np.subtract(self.variance, covariance, out=covariance)
-        np.maximum(covariance, np.float32(0), out=covariance)
-        covariance *= np.float32(2 * self.pixels)
-        return covariance
+        variance = np.maximum(self.average(warped * warped) - mean * mean, 0)
+        covariance = self.average(self.grey * warped) - self.mean * mean
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.sqrt(self.variance / np.maximum(variance, 1e-6))
+        return np.asarray(2 * self.pixels * np.maximum(self.variance - gain * covariance, 0), np.float32)
 
 
 def epipolar_axes(projection: Projection) -> tuple[Field, Field, Field]:
@@ -102,30 +98,41 @@ def epipolar_axes(projection: Projection) -> tuple[Field, Field, Field]:
     return select(away, projection.slope_x / safe, 1), select(away, projection.slope_y / safe, 0), length
 
 
-def sample_surface(base: BaseWindow, other: Field, projection: Projection, step: float) -> Quadric:
+def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> Quadric:
     """The error surface around where `projection` sends every pixel, as a quadric in (u, v) pixels.
+
+    It is q(u, v) = Σ φ [I − a (J + u J_u + v J_v) − b]², J the warped picture and J_u, J_v its slopes along and
+    across the line. Mean and contrast, b and a, are fitted along with the place, and so taken out of every product.
+    Differences of q between displaced windows would give the same curvatures, but their slope is false by
+    what moves in and out of the window: h² Σ φ J_u J_uu for samples h apart, some hundredths of a pixel.
 
     Args:
         base: the windows of the base picture.
-        other: the other picture, grey levels.
+        other: the other picture.
         projection: the predicted place of every pixel.
-        step: distance of the samples in pixels.
     """
     along_x, along_y, _ = epipolar_axes(projection)
-    along_x, along_y = along_x * np.float32(step), along_y * np.float32(step)
-    values = {}
-    for i, j in STENCIL:
-        warped = cv2.remap(
-            other,
-            _away(_away(projection.x, i, along_x), -j, along_y),
-            _away(_away(projection.y, i, along_y), j, along_x),
-            cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        values[i, j] = base.sum_of_squares(np.asarray(warped, np.float32))
-    return fit_quadric(values, step)
-
-
-def _away(place: Field, sign: int, step: Field) -> Field:
-    """place + sign · step for a sign of −1, 0 or 1."""
-    return place if sign == 0 else place + step if sign > 0 else place - step
+    warped = other.grey_at(projection.x, projection.y)
+    slope_x, slope_y = other.slopes_at(projection.x, projection.y)
+    u, v = slope_x * along_x + slope_y * along_y, slope_y * along_x - slope_x * along_y
+    mean, mean_u, mean_v = base.average(warped), base.average(u), base.average(v)
+    power = np.maximum(base.average(warped * warped) - mean * mean, np.float32(LEAST_POWER))
+    common = base.average(base.grey * warped) - base.mean * mean
+    gain = common / power
+    # What of the slopes a change of contrast could explain as well.
+    like_u = (base.average(u * warped) - mean_u * mean) / power
+    like_v = (base.average(v * warped) - mean_v * mean) / power
+    uu = base.average(u * u) - mean_u * mean_u - like_u * like_u * power
+    vv = base.average(v * v) - mean_v * mean_v - like_v * like_v * power
+    uv = base.average(u * v) - mean_u * mean_v - like_u * like_v * power
+    pull_u = base.average(u * base.grey) - mean_u * base.mean - like_u * common
+    pull_v = base.average(v * base.grey) - mean_v * base.mean - like_v * common
+    least = np.maximum(base.variance - gain * common, np.float32(0))
+    # What the slopes hold of the noise is no texture; without it an edge along the line would seem to tell something.
+    noise = np.float32(SLOPE_NOISE) * least / (1 + gain * gain)
+    uu = np.maximum(uu - noise, uv * uv / np.maximum(vv, np.float32(1e-6)))
+    vv = np.maximum(vv - noise, uv * uv / np.maximum(uu, np.float32(1e-6)))
+    scale = np.float32(2 * base.pixels) * np.maximum(gain, np.float32(0))
+    least = least * np.float32(base.pixels)
+    parts = (-scale * pull_u, -scale * pull_v, scale * gain * uu, scale * gain * uv, scale * gain * vv)
+    return Quadric(least, *(np.asarray(part, np.float32) for part in parts))

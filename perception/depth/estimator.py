@@ -74,6 +74,8 @@ class _Kept:
     given: Motion = field(default_factory=Motion.identity)
     corrected: Motion = field(default_factory=Motion.identity)
     unmeasured: Motion = field(default_factory=Motion.identity)
+    seen_from: NDArray[np.float64] | None = None
+    """Where the other picture of the last pair that this one was in stood, in this one's frame, m."""
 
     def advance(self, motion: Motion, anchored: bool) -> None:
         """The next picture; its motion is from the kept one when anchored, from the one before otherwise."""
@@ -85,6 +87,15 @@ class _Kept:
         step = self.corrected.inverse().then(corrected)
         self.corrected = corrected
         return step
+
+    def likeness(self, pair: Motion) -> float:
+        """Cosine of the angle between the baselines of the last pair and of this one, along which the noise of the
+        kept picture errs in both; 0 for the first. `pair` is the motion from the kept picture."""
+        before, now = self.seen_from, pair.inverse().translation
+        self.seen_from = now
+        if before is None:
+            return 0.0
+        return float(before @ now) / max(float(np.linalg.norm(before) * np.linalg.norm(now)), 1e-12)
 
 
 class DepthFromMotion:
@@ -154,13 +165,17 @@ class DepthFromMotion:
         if not self.anchored:
             predicted = self._predict(kept.correct(correction.motion.inverse()), shape)
         match = match_pair(base, other, geometry, *searched, predicted, self.settings, correction.error_px)
-        self._state = fuse(predicted, match.measured, match.sure, self.settings.gate, match.reach)
+        pair = geometry.motion if self.anchored else geometry.motion.inverse()
+        shared = np.float32(0.5 * kept.likeness(pair)) * match.refined
+        self._state = fuse(
+            predicted, match.measured, match.sure, self.settings.gate, match.reach, match.repeated, shared
+        )
         confirmed = float(match.sure.mean())
         kept.unmeasured = Motion.identity()
         middle = float(np.nanmedian(self._state.value[::4, ::4]))
         far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
-            self._kept = _Kept(view)
+            self._kept = _Kept(view, seen_from=pair.translation)
         return DepthMap(self._state, True, confirmed, *searched, correction.stray_px)
 
     def _step_literally(self, view: View, motion: Motion) -> DepthMap:

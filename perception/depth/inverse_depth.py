@@ -68,32 +68,59 @@ def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) 
 
 
 def fuse(
-    predicted: InverseDepth, measured: InverseDepth, sure: Mask, gate: float, reach: Field
+    predicted: InverseDepth,
+    measured: InverseDepth,
+    sure: Mask,
+    gate: float,
+    reach: Field,
+    repeated: Field | float = 0.0,
+    shared: Field | float = 0.0,
 ) -> InverseDepth:
-    """Combine prediction and measurement: 1/P⁺ = 1/P⁻ + 1/R, ρ⁺ = P⁺ (ρ⁻/P⁻ + ρ_m/R), (2.26)–(2.28).
+    """Combine prediction and measurement, (2.26)–(2.28) for errors that have something in common.
+
+    Both err by what every pair repeats, B, and by noise with the variances P = P⁻ − B and Q = R − B and the
+    correlation κ, for the two pairs have a picture in common. Then ρ⁺ = ρ⁻ + k (ρ_m − ρ⁻) and P⁺ = B + (1 − κ²) P Q/s
+    with s = P + Q − 2κ√(P Q) and k = (P − κ√(P Q))/s. B = κ = 0 is the filter of the thesis, 1/P⁺ = 1/P⁻ + 1/R.
 
     A measurement that was confirmed both ways (`sure`) is averaged with the prediction when they agree within
     `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One
     that was not confirmed only stands where nothing is known or only a worse guess.
+
+    Args:
+        repeated: B, (1/m)²; 0 by default.
+        shared: κ, from −½, the common picture between the two others, to ½, both on one side of it.
     """
+
+    whole_repeated, whole_shared = (np.broadcast_to(part, sure.shape) for part in (repeated, shared))
 
     def work(band: Band) -> tuple[Field, ...]:
         rows = band.inner
-        return _fuse(predicted.rows(rows), measured.rows(rows), sure[rows], gate, reach[rows])
+        common = reach[rows], whole_repeated[rows], whole_shared[rows]
+        return _fuse(predicted.rows(rows), measured.rows(rows), sure[rows], gate, *common)
 
     return InverseDepth(*join_bands(sure.shape, work))
 
 
 def _fuse(
-    predicted: InverseDepth, measured: InverseDepth, sure: Mask, gate: float, reach: Field
+    predicted: InverseDepth,
+    measured: InverseDepth,
+    sure: Mask,
+    gate: float,
+    reach: Field,
+    repeated: Field,
+    shared: Field,
 ) -> tuple[Field, ...]:
     known = np.isfinite(predicted.value)
     guess = known & (predicted.cost >= 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         gap = measured.value - predicted.value
-        combined = predicted.variance + measured.variance
+        repeats = np.minimum(np.minimum(predicted.variance, measured.variance), repeated)
+        before, now = predicted.variance - repeats, measured.variance - repeats
+        common = shared * np.sqrt(before * now)
+        combined = np.maximum(before + now - 2 * common, np.float32(1e-12))
         agree = known & (gap * gap <= np.minimum(np.float32(gate**2) * combined, reach * reach))
-        gain = predicted.variance / combined
+        gain = (before - common) / combined
+        left = repeats + (1 - np.square(shared)) * before * now / combined
         better = ~known | (guess & (measured.variance < predicted.variance))
     average = sure & agree & ~guess
     replace = np.isfinite(measured.value) & ((sure & ~average) | (~sure & better))
@@ -101,7 +128,7 @@ def _fuse(
         select(average, mean, select(replace, new, old))
         for mean, new, old in (
             (predicted.value + gain * gap, measured.value, predicted.value),
-            (gain * measured.variance, measured.variance, predicted.variance),
+            (left, measured.variance, predicted.variance),
             (np.minimum(predicted.cost, measured.cost), measured.cost, predicted.cost),
         )
     )

@@ -1,22 +1,25 @@
 """One pair of pictures: the depth of the base view by sweep, weak string, check and error surface."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.bands import Band, join_bands
+from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.outline import HALO as OUTLINE_HALO
 from perception.depth.outline import align_outlines
+from perception.depth.parabola import Quadric
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
-from perception.depth.view import View, least_power
+from perception.depth.view import View
 from perception.depth.voids import fill_voids
 
 Field = NDArray[np.float32]
@@ -29,18 +32,21 @@ LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
 LINE_THINNING = 3
 """Every third pixel, both ways, is enough to judge the motion by."""
-LINE_SLACK = 3.0
+LINE_SLACK = 1.2
 """… when they stray by more than this many of their own standard deviations."""
 
 
 @dataclass(frozen=True)
 class Match:
-    """What one pair says: inverse depth with variance, which pixels were confirmed both ways, and from
-    how far off (1/m) it may still be the surface that was predicted."""
+    """What one pair says: inverse depth with variance, which pixels were confirmed both ways, from how far
+    off (1/m) it may still be the surface that was predicted, which part of the variance the next pair repeats, and
+    which pixels were measured on the error surface, so that noise is what else they err by."""
 
     measured: InverseDepth
     sure: Mask
     reach: Field
+    repeated: Field
+    refined: Mask
 
 
 def flatten_steps(disparity: Field, radius: int = FLAT_RADIUS, step: float = 0.5) -> Field:
@@ -57,13 +63,6 @@ def flatten_steps(disparity: Field, radius: int = FLAT_RADIUS, step: float = 0.5
     return np.asarray(cv2.blur(keep, side) * disparity + cv2.blur((1 - keep) * mean, side), np.float32)
 
 
-def slant(disparity: Field) -> Field:
-    """Steepness of the disparity, pixels per pixel, over 5×5 pixels."""
-    across = cv2.Sobel(disparity, cv2.CV_32F, 1, 0, ksize=5, scale=1 / 128)
-    down = cv2.Sobel(disparity, cv2.CV_32F, 0, 1, ksize=5, scale=1 / 128)
-    return np.asarray(np.sqrt(np.square(across) + np.square(down)), np.float32)
-
-
 def jump_height(disparity: Field, radius: int) -> Field:
     """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
     window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
@@ -71,24 +70,34 @@ def jump_height(disparity: Field, radius: int) -> Field:
     return np.maximum(spread - 1, np.float32(0))
 
 
+def bend(disparity: Field, radius: int) -> Field:
+    """How far the surface at a pixel departs from the planes through what stands `radius` to both sides of it."""
+    middle = disparity[radius:-radius, radius:-radius]
+    across = disparity[radius:-radius, : -2 * radius] + disparity[radius:-radius, 2 * radius :]
+    down = disparity[: -2 * radius, radius:-radius] + disparity[2 * radius :, radius:-radius]
+    inner = np.sqrt(np.square(across / 2 - middle) + np.square(down / 2 - middle))
+    return np.pad(inner, radius, mode="edge").astype(np.float32)
+
+
 @dataclass(frozen=True)
 class Refinement:
-    """What the error surfaces say, height × width: the rest of the disparity and its variance, px and px², NaN and ∞
-    where a surface has no minimum; |C|, the pixels a unit of inverse depth is worth; and the variance, px², that the
-    motion's error adds everywhere."""
+    """What the error surfaces say, height × width: the disparity from which they were sampled, in planes; the rest
+    of it and its variance, px and px², NaN and ∞ where a surface has no minimum; |C|, the pixels a unit of inverse
+    depth is worth; and the variance, px², that the motion's error adds everywhere."""
 
+    start: Field
     shift: Field
     variance: Field
     worth: Field
     off_line: np.float32
 
-    def inverse_depth(self, start: Field, rows: slice, bias_px: float) -> tuple[Field, Field]:
-        """The refined inverse depth of some rows and its variance, from where the search started; NaN is a void."""
-        shift, worth = self.shift[rows], self.worth[rows]
+    def disparity(self, rows: slice, spacing: np.float32) -> tuple[Field, Field]:
+        """The refined disparity of some rows and its variance, in planes; NaN is a void."""
+        shift, worth = self.shift[rows], self.worth[rows] * spacing
         with np.errstate(divide="ignore", invalid="ignore"):
-            variance = (self.variance[rows] + np.float32(bias_px**2) + self.off_line) / (worth * worth)
-            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6)
-            value = start + shift / worth
+            variance = (self.variance[rows] + self.off_line) / (worth * worth)
+            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6 * spacing)
+            value = self.start[rows] + shift / worth
         return select(found, value, np.nan), select(found, variance, np.nan)
 
 
@@ -96,7 +105,8 @@ def refine(
     base: View,
     other: View,
     geometry: Epipolar,
-    inverse_depth: Field,
+    disparity: Field,
+    spacing: np.float32,
     settings: Settings,
     motion_error_px: float = 0.0,
 ) -> Refinement:
@@ -104,34 +114,52 @@ def refine(
 
     The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
     covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
-    line would do to it is part of its variance.
+    line would do to it is part of its variance. It is done twice, for the slopes between pixels are not exact
+    and the windows must follow the slant.
+
+    Args:
+        disparity: where to begin, in planes `spacing` 1/m apart; what is found is within half a pixel of it.
     """
-    floor = least_power(base, other)
-    calm, calm_other = base.calm, other.calm
+    floor, gain = np.float32(ROUNDING), np.float32(base.noise_weight)
+    soft, between = base.soft, other.between
     height, width = base.shape
     thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
     across, across_variance = np.empty(thin, np.float32), np.empty(thin, np.float32)
 
-    def measure(band: Band) -> tuple[Field, ...]:
-        window = BaseWindow(calm[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
-        projection = geometry.project(inverse_depth[band.outer], band.outer)
-        surface = sample_surface(window, calm_other, projection, settings.surface_step).rows(band.trim)
+    def sample(start: Field, band: Band) -> tuple[Quadric, Field, Field, BaseWindow]:
+        window = BaseWindow(soft[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
+        projection = geometry.project(start[band.outer] * spacing, band.outer)
+        surface = sample_surface(window, between, projection).rows(band.trim)
         _, _, worth = epipolar_axes(projection)
         weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
-        weight = weight / np.float32(settings.epipolar_std_px**2)
-        shift, _, least = surface.minimum(weight)
-        power: Field = np.maximum(least / (window.pixels - 1), floor) * np.float32(settings.noise_factor**2)
-        spread, _, _ = surface.covariance(power, weight)
-        sample = surface.thinned(LINE_THINNING)
-        rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
-        _, across[rows], _ = sample.minimum()
-        _, _, across_variance[rows] = sample.covariance(power[::LINE_THINNING, ::LINE_THINNING])
-        return shift, spread, worth[band.trim]
+        return surface, weight / np.float32(settings.epipolar_std_px**2), worth[band.trim], window
 
-    shift, spread, worth = join_bands(base.shape, measure, settings.window_radius)
-    return Refinement(
-        shift, spread, worth, np.float32(line_error(across, across_variance) ** 2 + motion_error_px**2)
+    def look(band: Band) -> tuple[Field, ...]:
+        surface, weight, worth, _ = sample(disparity, band)
+        shift, _, _ = surface.minimum(weight)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = (np.abs(shift) <= 0.5) & (worth > 1e-6)
+            value = disparity[band.inner] + shift / (worth * spacing)
+        return (select(found, value, disparity[band.inner]),)
+
+    def measure(band: Band) -> tuple[Field, ...]:
+        surface, weight, worth, window = sample(start, band)
+        shift, _, least = surface.minimum(weight)
+        power: Field = np.maximum(least / (window.pixels - 1), floor) * gain
+        spread, _, _ = surface.covariance(power, weight)
+        some = surface.thinned(LINE_THINNING)
+        rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
+        _, across[rows], _ = some.minimum()
+        _, _, across_variance[rows] = some.covariance(power[::LINE_THINNING, ::LINE_THINNING])
+        return shift, spread, worth
+
+    (first,) = join_bands(base.shape, look, settings.window_radius)
+    (start,) = join_bands(
+        base.shape, lambda band: (flatten_steps(first[band.outer])[band.trim],), 2 * FLAT_RADIUS
     )
+    shift, spread, worth = join_bands(base.shape, measure, settings.window_radius)
+    off_line = np.float32(line_error(across, across_variance) ** 2 + motion_error_px**2)
+    return Refinement(start, shift, spread, worth, off_line)
 
 
 def line_error(across: Field, variance: Field) -> float:
@@ -182,17 +210,15 @@ def match_pair(
     (flat,) = join_bands(
         shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
     )
-    refinement = refine(base, other, geometry, flat * choice.spacing, settings, motion_error_px)
-    # The membrane hands on by two rows an iteration what windows have gathered (the slant's, or larger ones of the
-    # jumps); an even halo keeps the squares of the chess-board.
-    window = max(settings.window_radius, 2)
-    halo = 2 * settings.membrane_iterations + window + window % 2
-
+    refinement = refine(base, other, geometry, flat, choice.spacing, settings, motion_error_px)
+    # The membrane hands on by two rows an iteration what the windows of the jumps have gathered; an even halo keeps
+    # the squares of the chess-board.
+    halo = 2 * settings.membrane_iterations + settings.window_radius + settings.window_radius % 2
     contrast = max(base.contrast, base.noise)
 
-    def settle(band: Band) -> tuple[Field, ...]:
+    def settle(band: Band) -> tuple[NDArray[Any], ...]:
         rows = band.outer
-        fine, fine_variance = refinement.inverse_depth(flat[rows] * choice.spacing, rows, settings.bias_px)
+        fine, fine_variance = refinement.disparity(rows, choice.spacing)
         worth = refinement.worth[rows]
         drift = refinement.off_line / np.square(np.maximum(worth, np.float32(1e-6))) / choice.spacing**2
         blunt = (
@@ -201,11 +227,12 @@ def match_pair(
         blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack[rows])
         jump = jump_height(disparity[rows], settings.window_radius)
         refined = choice.sure[rows] & np.isfinite(fine) & (jump < 0.5)
-        value = select(refined, fine / choice.spacing, disparity[rows])
-        variance = select(refined, fine_variance / choice.spacing**2, blunt)
-        variance += select(
-            refined, np.square(settings.slant_bias * slant(flat[rows])), np.square(settings.jump_part * jump)
+        value = select(refined, fine, disparity[rows])
+        variance = select(refined, fine_variance, blunt)
+        bent = np.square(
+            np.float32(settings.bend_part) * bend(refinement.start[rows], settings.window_radius)
         )
+        variance += select(refined, bent, np.square(settings.jump_part * jump))
         variance += np.square(settings.void_part * spread[rows]) + np.square(np.float32(0.1) * far_off[rows])
 
         springs = Springs.cut_at_edges(guide[rows], contrast, disparity[rows], settings.tear_px)
@@ -216,8 +243,17 @@ def match_pair(
             np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift
         )
         cost = select(choice.sure[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
-        settled = np.maximum(regular, 0) * choice.spacing, variance * choice.spacing**2, cost, reach
+        repeated = select(refined, np.float32(settings.repeated_part) * variance + bent, 0)
+        square = choice.spacing**2
+        settled = (
+            np.maximum(regular, 0) * choice.spacing,
+            variance * square,
+            cost,
+            reach,
+            repeated * square,
+            refined,
+        )
         return tuple(part[band.trim] for part in settled)
 
-    value, variance, cost, reach = join_bands(shape, settle, halo)
-    return Match(InverseDepth(value, variance, cost), choice.sure, reach)
+    value, variance, cost, reach, repeated, refined = join_bands(shape, settle, halo)
+    return Match(InverseDepth(value, variance, cost), choice.sure, reach, repeated, refined)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.coarse_match import CoarseMatch
+from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.motion import Motion
 from perception.depth.settings import Settings
-from perception.depth.view import least_power
 
 Vector = NDArray[np.float64]
 SHARP_PX = 0.2
@@ -124,11 +124,11 @@ def motion_jacobian(geometry: Epipolar, inverse_depth: Vector, column: Vector, r
 
 def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) -> _Strays:
     base, other, choice = coarse.base, coarse.other, coarse.choice
-    window = BaseWindow(base.calm, settings.window_radius, settings.equalisation, Window.TENT)
+    window = BaseWindow(base.soft, settings.window_radius, settings.equalisation, Window.TENT)
     projection = geometry.project(choice.inverse_depth)
-    surface = sample_surface(window, other.calm, projection, settings.surface_step)
+    surface = sample_surface(window, other.between, projection)
     _, off_line, least = surface.minimum()
-    power = np.maximum(least / (window.pixels - 1), least_power(base, other))
+    power = np.maximum(least / (window.pixels - 1), np.float32(ROUNDING)) * np.float32(base.noise_weight)
     _, _, variance = surface.covariance(power)
     with np.errstate(invalid="ignore"):
         good = choice.sure & (np.abs(off_line) < 2) & (variance < SHARP_PX**2)

@@ -86,19 +86,3 @@ class Quadric:
     def _with_line(self, epipolar_weight: Field | float) -> tuple[Field, Field]:
         vv = self.vv + np.asarray(2 * epipolar_weight, np.float32)
         return vv, self.uu * vv - self.uv * self.uv
-
-
-def fit_quadric(q: dict[tuple[int, int], Field], step: float) -> Quadric:
-    """The quadric through the seven values at (0, 0), (±1, 0), (0, ±1), (1, 1), (−1, −1) steps.
-
-    Its minimum is the common one of both axes, not that of two separate parabolas: for an oblique edge
-    they differ.
-    """
-    middle = q[0, 0]
-    scale = np.float32(1 / step**2)
-    uu = (q[1, 0] - 2 * middle + q[-1, 0]) * scale
-    vv = (q[0, 1] - 2 * middle + q[0, -1]) * scale
-    uv = (q[1, 1] + q[-1, -1] - q[1, 0] - q[-1, 0] - q[0, 1] - q[0, -1] + 2 * middle) * (scale / 2)
-    slope_u = (q[1, 0] - q[-1, 0]) * np.float32(0.5 / step)
-    slope_v = (q[0, 1] - q[0, -1]) * np.float32(0.5 / step)
-    return Quadric(middle, slope_u, slope_v, uu, uv, vv)

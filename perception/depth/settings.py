@@ -31,8 +31,6 @@ class Settings:
     """What a match without any distinctness is uncertain by, beside everything else."""
     window_radius: int = 4
     """Half the window of the error surface: a tent of 9×9, which averages like a flat 7×7."""
-    surface_step: float = 0.6
-    """Distance in pixels of the samples of the error surface."""
     equalisation: Equalisation = Equalisation.NORMALISED
     epipolar_std_px: float = 0.15
     """How far a match may lie off its epipolar line: the soft epipolar term as a standard deviation."""
@@ -40,6 +38,8 @@ class Settings:
     """λ_ep of (2.7), (2.8), in squared grey levels per px²; for the literal match."""
     unrefined_px: float = 0.35
     """Deviation of a confirmed match whose error surface shows no minimum."""
+    bend_part: float = 0.5
+    """Deviation where the surface bends within the window, as a part of how far it leaves the plane."""
     jump_part: float = 0.1
     """Deviation beside a jump of the disparity, as a part of the jump."""
     void_part: float = 0.5
@@ -49,13 +49,9 @@ class Settings:
     strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 3
-    bias_px: float = 0.017
-    """What interpolation and the shape of the window leave as error of a match whatever the noise."""
-    slant_bias: float = 2.1
-    """… and what a slanted surface adds, pixels per pixel of slant."""
-    noise_factor: float = 0.92
-    """By how much the deviation of a match exceeds what (2.11) says."""
-    drift: float = 0.003
+    repeated_part: float = 0.03
+    """The part of a match's variance that the next pair repeats: what interpolation and the window's shape leave."""
+    drift: float = 0.0005
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
     gate: float = 3.0
     """Standard deviations beyond which a prediction and a measurement are two surfaces."""
@@ -87,7 +83,6 @@ THESIS = Settings(
     levels=3,
     strength=4.0,
     membrane_iterations=20,
-    bias_px=0.0,
     drift=0.0,
 )
 """Chapter 2 to the letter: window 7×7, λ = 1 of (2.16), which is 4 of (2.15), λ_ep = 5, three levels."""

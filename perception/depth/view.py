@@ -13,9 +13,11 @@ from perception.depth.contrast import (
     equalised_slopes,
     estimate_noise,
     noise_share,
-    smooth_against_noise,
+    noise_weight,
+    soften,
     take_out_noise,
 )
+from perception.depth.interpolation import Between
 
 
 class View:
@@ -45,14 +47,24 @@ class View:
         return self.noise_share >= NOISY_SHARE
 
     @cached_property
-    def calm(self) -> Grey:
-        """The picture, blurred a little where noise stands out: for the measurement."""
-        return smooth_against_noise(self.grey, self.noise_share)
-
-    @cached_property
     def bare(self) -> Grey:
         """The picture with its noise taken out and its edges left, if it is noisy: for the search."""
         return take_out_noise(self.grey, self.noise) if self.noisy else self.grey
+
+    @cached_property
+    def soft(self) -> Grey:
+        """The picture as the error surface compares it."""
+        return soften(self.grey)
+
+    @cached_property
+    def between(self) -> Between:
+        """The softened picture, to be asked between its pixels."""
+        return Between(self.soft)
+
+    @cached_property
+    def noise_weight(self) -> float:
+        """By how much noise moves a match more than the variance of a pixel of `soft` says."""
+        return noise_weight(self.soft)
 
     @cached_property
     def slopes(self) -> Bytes:
@@ -80,12 +92,3 @@ class View:
                 break
             view = view.halved
         return view
-
-
-NOISE_FLOOR = 0.5
-"""No window matches better than this part of the noise; the noise estimate takes some texture for noise."""
-
-
-def least_power(base: View, other: View) -> np.float32:
-    """The least mean square difference of two pictures that is believed, grey levels squared."""
-    return np.float32(2 * (NOISE_FLOOR * max(base.noise, other.noise)) ** 2)

@@ -35,4 +35,3 @@ def test_a_picture_is_noisy_by_its_noise_against_its_texture() -> None:
 def test_a_clean_picture_is_left_alone() -> None:
     view = View(np.tile(100 + 40 * np.sin(np.arange(120) / 4), (90, 1)).astype(np.float32))
     assert view.bare is view.grey
-    assert view.calm is view.grey

@@ -6,6 +6,7 @@ import pytest
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Equalisation, Window, sample_surface
+from perception.depth.interpolation import Between
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
 
@@ -53,7 +54,7 @@ def test_the_disparity_is_measured_below_the_pixel(angle):
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80))
     base, other = (pattern(angle, shift) + 0.7 * pattern(angle + 1.3, shift) for shift in (0.0, 2.3))
     window = BaseWindow(base, 4, Equalisation.NORMALISED, Window.TENT)
-    surface = sample_surface(window, other, geometry.project(2.0), 0.6)
+    surface = sample_surface(window, Between(other), geometry.project(2.0))
     # 2 px were predicted; the cubic interpolation of stripes of 12 px is good to a hundredth.
     u, v, _ = surface.minimum()
     assert np.nanmedian(u[15:-15, 15:-15]) == pytest.approx(0.3, abs=0.02)
@@ -69,7 +70,7 @@ def test_an_edge_along_the_motion_says_nothing_about_depth():
         noisy = (pattern(angle) + rng.normal(0, 1, (60, 80))).astype(np.float32)
         other = (pattern(angle, 2.0) + rng.normal(0, 1, (60, 80))).astype(np.float32)
         window = BaseWindow(noisy, 4, Equalisation.NORMALISED, Window.TENT)
-        surface = sample_surface(window, other, geometry.project(2.0), 0.6)
+        surface = sample_surface(window, Between(other), geometry.project(2.0))
         # Noise of both pictures, and a tenth of a pixel across the line: λ_ep = s²/σ_ep².
         power = np.full((60, 80), 2.0, np.float32)
         along, _, _ = surface.covariance(power, power / np.float32(0.01))

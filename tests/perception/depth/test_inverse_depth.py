@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from perception.depth.carry import carry_map
 from perception.depth.epipolar import Epipolar
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_depth
@@ -59,6 +60,26 @@ def test_another_surface_replaces_and_is_not_averaged():
     fused = fuse(state(0.2), state(0.5), SURE, 3.0, ANY)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.5))
     assert fused.variance == pytest.approx(np.full(SHAPE, 1e-4))
+
+
+def test_the_noise_of_a_picture_in_two_pairs_is_counted_once() -> None:
+    # n₁ − n₀ and n₂ − n₁, each of variance 2s, have the correlation −½; their mean is (n₂ − n₀)/2 of variance s/2
+    rng = np.random.default_rng(2)
+    noise = rng.normal(0, 1e-2, (3, *SHAPE))
+    first, second = (state((0.5 + noise[k + 1] - noise[k]).astype(np.float32), 2e-4) for k in (0, 1))
+    fused = fuse(first, second, SURE, np.inf, ANY, shared=-0.5)
+    np.testing.assert_allclose(fused.value, 0.5 + (noise[2] - noise[0]) / 2, atol=1e-6)
+    np.testing.assert_allclose(fused.variance, 0.5e-4, rtol=1e-5)
+
+
+def test_what_every_pair_repeats_is_not_averaged_away() -> None:
+    filtered = state(0.5, 1e-4)
+    for _ in range(200):
+        filtered = fuse(filtered, state(0.5, 1e-4), SURE, np.inf, ANY, repeated=0.2e-4)
+    # the noise of .8e-4 over 201 pictures, and what repeats
+    np.testing.assert_allclose(filtered.variance, 0.2e-4 + 0.8e-4 / 201, rtol=1e-4)
+    same = fuse(state(0.5, 1e-4), state(0.6, 1e-4), SURE, np.inf, ANY, repeated=1e-4)
+    np.testing.assert_allclose(same.variance, 1e-4, rtol=1e-6)
 
 
 def test_an_unconfirmed_match_does_not_move_a_known_depth():
@@ -131,3 +152,21 @@ def test_a_map_of_nothing_but_voids_stays_void():
     nothing = np.full((3, 4), np.nan, np.float32)
     filled, _, _ = fill_voids(nothing, np.ones((3, 4), bool), np.ones((3, 4), bool))
     assert np.isnan(filled).all()
+
+
+def test_an_error_grows_where_the_surface_is_pressed_together() -> None:
+    # Disparity 8 + .1 (x − 32): a map wrong by e everywhere lands 8.. − e further left, where the plane is e·.1 less
+    # deep; the error at a pixel becomes e/(1 − .1) and so does the deviation.
+    slope, offset = 0.1, np.float32(1e-3)
+    plane = (0.8 + slope * (np.arange(SHAPE[1]) - 32) / 10).astype(np.float32)[None, :].repeat(SHAPE[0], 0)
+    motion = Motion(np.eye(3), np.array([-0.1, 0, 0]))
+    geometry = Epipolar(CAMERA, motion, SHAPE)
+
+    def carried(value: np.ndarray) -> InverseDepth:
+        moved = geometry.project(value)
+        return carry_map(predict_inverse_depth(state(value), moved, 0.0), moved)
+
+    inner = (slice(8, -8), slice(8, 32))
+    grown = (carried(plane + offset).value - carried(plane).value)[inner] / offset
+    np.testing.assert_allclose(np.median(grown), 1 / (1 - slope), rtol=0.01)
+    np.testing.assert_allclose(np.sqrt(carried(plane).variance[inner] / 1e-4), 1 / (1 - slope), rtol=0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.parabola import disparity_variance, fit_parabola, fit_quadric
+from perception.depth.parabola import Quadric, disparity_variance, fit_parabola
 
 
 def field(*values: float) -> np.ndarray:
@@ -50,11 +50,7 @@ def test_the_variance_is_that_of_many_noisy_matches():
 
 def test_an_oblique_valley_has_its_minimum_where_both_slopes_vanish():
     # q = (x + y − 0.3)² + 0.1 (x − y)²: minimum at (0.15, 0.15); two separate parabolas would say 0.27.
-    q = {
-        (i, j): field((0.5 * i + 0.5 * j - 0.3) ** 2 + 0.1 * (0.5 * i - 0.5 * j) ** 2)
-        for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
-    }
-    quadric = fit_quadric(q, 0.5)
+    quadric = Quadric(field(0.09), field(-0.6), field(-0.6), field(2.2), field(1.8), field(2.2))
     u, v, least = quadric.minimum()
     assert (u[0, 0], v[0, 0], least[0, 0]) == pytest.approx((0.15, 0.15, 0.0), abs=1e-4)
     uu, uv, vv = quadric.covariance(field(1.0))
@@ -64,11 +60,7 @@ def test_an_oblique_valley_has_its_minimum_where_both_slopes_vanish():
 
 def test_the_soft_epipolar_term_makes_an_edge_across_the_motion_measurable():
     # An upright edge: q = (u − 0.2)² says nothing about v, and its Hessian is singular.
-    q = {
-        (i, j): field((0.5 * i - 0.2) ** 2)
-        for i, j in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))
-    }
-    quadric = fit_quadric(q, 0.5)
+    quadric = Quadric(field(0.04), field(-0.4), field(0.0), field(2.0), field(0.0), field(0.0))
     u, v, _ = quadric.minimum(0.5)
     assert (u[0, 0], v[0, 0]) == pytest.approx((0.2, 0.0), abs=1e-5)
     # 2 s² H⁻¹ with H = diag(2, 2·½)
