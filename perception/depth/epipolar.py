@@ -45,13 +45,19 @@ class Epipolar:
         """R p in pixels of the other view, so that it is ready to be divided: (fx r₁·p + cx r₃·p, …);
         3 × height × width."""
         height, width = self.shape
-        mixed = self.camera.matrix @ self.motion.rotation @ np.linalg.inv(self.camera.matrix)
+        mixed = self.homography(0.0)
         x = np.arange(width, dtype=np.float64)
         y = np.arange(height, dtype=np.float64)
         rays = np.empty((3, height, width), np.float32)
         for row, ray in zip(mixed, rays, strict=True):
             np.add.outer(row[1] * y + row[2], row[0] * x, out=ray, casting="same_kind")
         return rays
+
+    @cached_property
+    def _calibration(self) -> tuple[Matrix, Matrix]:
+        """K and K⁻¹."""
+        matrix = self.camera.matrix
+        return matrix, np.linalg.inv(matrix)
 
     @cached_property
     def _shift(self) -> tuple[np.float32, np.float32, np.float32]:
@@ -95,7 +101,9 @@ class Epipolar:
         scale = third + rho * shift_z
         with np.errstate(divide="ignore", invalid="ignore"):
             behind = np.float32(1) / scale
-        np.copyto(behind, np.float32(np.nan), where=~(scale > 1e-3))
+        hidden = scale <= 1e-3
+        if hidden.any():
+            behind[hidden] = np.nan
         return (first + rho * shift_x) * behind, (second + rho * shift_y) * behind, scale, behind
 
     def overlaps(self, least: float) -> bool:
@@ -104,10 +112,10 @@ class Epipolar:
 
     def homography(self, inverse_depth: float) -> Matrix:
         """Base pixels to pixels of the other view for the plane Z = 1/ρ: K (R + ρ t e₃ᵀ) K⁻¹."""
-        matrix = self.camera.matrix
+        matrix, inverse = self._calibration
         plane = self.motion.rotation.copy()
         plane[:, 2] += inverse_depth * self.motion.translation
-        return np.asarray(matrix @ plane @ np.linalg.inv(matrix))
+        return np.asarray(matrix @ plane @ inverse)
 
     def parallax(self, near: float, far: float) -> float:
         """The greatest displacement in pixels between a point at 1/near and one at 1/far (inverse depths)."""
