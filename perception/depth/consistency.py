@@ -26,15 +26,15 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     """
     half, double = np.diag([1 / THINNING, 1 / THINNING, 1.0]), np.diag([THINNING, THINNING, 1.0])
     backward = np.linalg.inv([half @ geometry.homography(float(rho)) @ double for rho in planes])
-    thin = total[::THINNING, :, ::THINNING]
-    height, count, width = thin.shape
-    seen = np.empty((count, height, width), np.int16)
+    thin = total[:, ::THINNING, ::THINNING]
+    count, height, width = thin.shape
+    seen = np.empty(thin.shape, np.int16)
 
     def turn(k: int) -> None:
-        seen[k] = warp_plane(np.ascontiguousarray(thin[:, k]), backward[k], cv2.INTER_NEAREST, NO_VIEW)
+        seen[k] = warp_plane(np.ascontiguousarray(thin[k]), backward[k], cv2.INTER_NEAREST, NO_VIEW)
 
     share(turn, range(count))
-    (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner].swapaxes(0, 1)),))
+    (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner]),))
     return best
 
 

@@ -17,7 +17,7 @@ from perception.depth.bands import Band, bands, join_bands, share
 Costs = NDArray[np.uint8]
 """Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""
 Volume = NDArray[np.int16]
-"""Sums of four strings, height × planes × width."""
+"""Sums of four strings, planes × height × width."""
 Row = NDArray[np.int16]
 
 
@@ -67,29 +67,35 @@ def sweep_lines(strings: Costs, bend: int, jumps: Costs) -> None:
 
 
 def aggregate(costs: Costs, bend: int, jumps: tuple[Costs, Costs]) -> Volume:
-    """The sum of the four weak strings through every pixel; costs and result height × planes × width."""
-    height, count, width = costs.shape
-    along = np.empty((height, count, 2, width), np.uint8)
-    across = np.empty((width, count, 2, height), np.uint8)
+    """The sum of the four weak strings through every pixel; costs and result planes × height × width."""
+    count, height, width = costs.shape
+    total = np.empty(costs.shape, np.int16)
+    # The strings along the rows take the room of those along the columns once these are added up.
+    room = np.empty(2 * costs.size, np.uint8)
+    strings = room.reshape(height, count, 2, width)
 
     def lay(k: int) -> None:
-        along[:, k, 0] = costs[:, k]
-        along[:, k, 1] = costs[::-1, k]
-        turned = cv2.transpose(along[:, k, 0])
-        across[:, k, 0] = turned
-        across[:, k, 1] = turned[::-1]
+        strings[:, k, 0] = costs[k]
+        strings[:, k, 1] = costs[k, ::-1]
 
-    share(lay, range(count))
-    sweep_lines(along, bend, jumps[0])
-    sweep_lines(across, bend, jumps[1])
-    total = np.empty(costs.shape, np.int16)
+    def lay_turned(k: int) -> None:
+        turned = cv2.transpose(costs[k])
+        strings[:, k, 0] = turned
+        strings[:, k, 1] = turned[::-1]
 
     def add(k: int) -> None:
-        turned = cv2.transpose(np.add(across[:, k, 0], across[::-1, k, 1], dtype=np.int16))
-        turned += along[:, k, 0]
-        np.add(turned, along[::-1, k, 1], out=total[:, k])
+        np.add(strings[:, k, 0], strings[::-1, k, 1], out=total[k], dtype=np.int16)
 
+    def add_turned(k: int) -> None:
+        total[k] += cv2.transpose(np.add(strings[:, k, 0], strings[::-1, k, 1], dtype=np.int16))
+
+    share(lay, range(count))
+    sweep_lines(strings, bend, jumps[0])
     share(add, range(count))
+    strings = room.reshape(width, count, 2, height)
+    share(lay_turned, range(count))
+    sweep_lines(strings, bend, jumps[1])
+    share(add_turned, range(count))
     return total
 
 
@@ -104,14 +110,14 @@ def hear_neighbours(costs: Costs, total: Volume, most: int) -> Costs:
 
     def mix(band: Band) -> None:
         for row in range(band.inner.start, band.inner.stop):
-            heard = total[row] - np.minimum.reduce(total[row], axis=0)
+            heard = total[:, row] - np.minimum.reduce(total[:, row], axis=0)
             heard >>= 2
             np.minimum(heard, np.int16(most), out=heard)
-            heard += costs[row]
+            heard += costs[:, row]
             heard >>= 1
-            np.copyto(mixed[row], heard, casting="unsafe")
+            np.copyto(mixed[:, row], heard, casting="unsafe")
 
-    height, _, width = costs.shape
+    _, height, width = costs.shape
     share(mix, bands((height, width)))
     return mixed
 
@@ -122,13 +128,14 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
     Returns:
         The number of the plane and the place in planes (height × width each).
     """
-    height, count, width = total.shape
+    count, height, width = total.shape
 
     def search(band: Band) -> tuple[Row, NDArray[np.float32]]:
-        costs = total[band.inner]
-        plane = cheapest(costs)
+        plane = cheapest(total[:, band.inner])
         middle = np.clip(plane, 1, count - 2)
-        below, here, above = (pick(costs, middle + np.int16(step)).astype(np.float32) for step in (-1, 0, 1))
+        below, here, above = (
+            pick(total, middle + np.int16(step), band.inner.start).astype(np.float32) for step in (-1, 0, 1)
+        )
         curvature = below - 2 * here + above
         offset = np.float32(0.5) * (below - above) / np.maximum(curvature, np.float32(1))
         offset *= (plane == middle) & (curvature > 0)
@@ -139,20 +146,19 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
 
 
 def cheapest(costs: Volume) -> Row:
-    """The number of the cheapest plane, the first of equals; costs height × planes × width, result height × width."""
-    least: Row = np.minimum.reduce(costs, axis=1)
+    """The number of the cheapest plane, the first of equals; costs planes × height × width, result height × width."""
+    least: Row = np.minimum.reduce(costs, axis=0)
     plane, number = np.zeros_like(least), np.empty_like(least)
-    for k in range(costs.shape[1] - 1, -1, -1):
+    for k in range(len(costs) - 1, -1, -1):
         number.fill(k)
-        cv2.copyTo(number, (costs[:, k] == least).view(np.uint8), plane)
+        cv2.copyTo(number, (costs[k] == least).view(np.uint8), plane)
     return plane
 
 
-def pick(volume: NDArray[Any], plane: Row) -> NDArray[Any]:
-    """What a volume (height × planes × width) holds on one plane for every pixel; height × width."""
-    height, count, width = volume.shape
+def pick(volume: NDArray[Any], plane: Row, top: int = 0) -> NDArray[Any]:
+    """What a volume (planes × height × width) holds on one plane for every pixel of the rows from `top` on."""
+    _, height, width = volume.shape
     index = plane.astype(np.intp)
-    index += count * np.arange(height)[:, None]
-    index *= width
-    index += np.arange(width)
+    index *= height * width
+    index += np.arange(top * width, top * width + plane.size).reshape(plane.shape)
     return np.take(volume.reshape(-1), index)

@@ -39,10 +39,10 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
         planes: inverse depths, 1/m.
 
     Returns:
-        height × planes × width, so that one row with all its planes lies together.
+        planes × height × width.
     """
     height, width = base.shape[1:]
-    costs = np.empty((height, len(planes), width), np.uint8)
+    costs = np.empty((len(planes), height, width), np.uint8)
     small, large = ((side, side) for side in WINDOWS)
 
     def compare(k: int) -> None:
@@ -54,7 +54,9 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
         )
         difference = cv2.addWeighted(across, 0.5, down, 0.5, 0)
         part = WORST / FULL / 2
-        costs[:, k] = cv2.addWeighted(cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0)
+        cv2.addWeighted(
+            cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k]
+        )
 
     share(compare, range(len(planes)))
     return costs
@@ -105,7 +107,7 @@ def admit_prediction(
             away += floor
             np.minimum(away, worst, out=away)
             np.copyto(cost, away, casting="unsafe")
-            plane = costs[band.inner, k]
+            plane = costs[k, band.inner]
             np.minimum(plane, cost, out=plane)
 
-    share(admit, bands((costs.shape[0], costs.shape[2])))
+    share(admit, bands(predicted.value.shape))

@@ -39,15 +39,15 @@ def test_the_string_reaches_the_least_energy_of_all_paths():
 
 def test_rows_and_columns_are_treated_alike():
     rng = np.random.default_rng(1)
-    costs = rng.integers(0, WORST, (12, 6, 9)).astype(np.uint8)
+    costs = rng.integers(0, WORST, (6, 12, 9)).astype(np.uint8)
     guide = rng.uniform(0, 255, (12, 9)).astype(np.float32)
     upright = aggregate(costs, 40, jump_costs(guide, 150, 48, 10.0))
     turned = aggregate(
-        np.ascontiguousarray(costs.transpose(2, 1, 0)),
+        np.ascontiguousarray(costs.transpose(0, 2, 1)),
         40,
         jump_costs(np.ascontiguousarray(guide.T), 150, 48, 10.0),
     )
-    assert (upright == turned.transpose(2, 1, 0)).all()
+    assert (upright == turned.transpose(0, 2, 1)).all()
 
 
 def test_a_jump_costs_less_across_an_edge_of_the_picture():
@@ -76,13 +76,13 @@ def test_the_dearest_string_fits_a_byte():
 
 
 def test_of_equally_cheap_planes_the_first_is_chosen():
-    costs = np.array([7, 3, 5, 3, 9], np.int16)[None, :, None]
+    costs = np.array([7, 3, 5, 3, 9], np.int16)[:, None, None]
     assert cheapest(costs).tolist() == [[1]]
     assert pick(costs, np.array([[4]], np.int16)).tolist() == [[9]]
 
 
 def test_the_place_between_planes_is_that_of_the_parabola():
-    total = np.array([40, 12, 4, 16, 40], np.int16)[None, :, None].repeat(3, axis=0)
+    total = np.array([40, 12, 4, 16, 40], np.int16)[:, None, None].repeat(3, axis=1)
     plane, place = choose(total)
     assert (plane == 2).all()
     # ½(12 − 16)/(12 − 8 + 16)
@@ -93,13 +93,13 @@ def test_a_second_run_hears_the_lines_beside_its_own():
     rng = np.random.default_rng(2)
     right, height, width = 3, 24, 30
     # A level surface at plane 3 whose cost is lower by 18 on the average, under noise of deviation 30.
-    costs = 50 + rng.normal(0, 30, (height, 8, width))
-    costs[:, right] -= 18
-    costs = np.clip(costs, 0, WORST).astype(np.uint8)
+    costs = 50 + rng.normal(0, 30, (height, 8, width)).transpose(1, 0, 2)
+    costs[right] -= 18
+    costs = np.ascontiguousarray(np.clip(costs, 0, WORST), np.uint8)
     jumps = jump_costs(np.zeros((height, width), np.float32), 60, 30, 10.0)
     once = aggregate(costs, 30, jumps)
     mixed = hear_neighbours(costs, once, WORST)
-    heard = np.minimum((once - once.min(axis=1, keepdims=True)) // 4, WORST)
+    heard = np.minimum((once - once.min(axis=0)) // 4, WORST)
     assert (mixed == (costs + heard) // 2).all()
     first, second = (np.mean(choose(found)[0] != right) for found in (once, aggregate(mixed, 30, jumps)))
     # Each line hears some 20 others, yet they repeat one another; less than three quarters is asked.
