@@ -42,17 +42,15 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
         planes × height × width.
     """
     height, width = base.shape[1:]
+    # OpenCV warps four channels in little more time than one, and two in more than four.
+    four, four_other = (cv2.merge((*slopes, *slopes)) for slopes in (base, other))
     costs = np.empty((len(planes), height, width), np.uint8)
     small, large = ((side, side) for side in WINDOWS)
 
     def compare(k: int) -> None:
         homography = geometry.homography(float(planes[k]))
-        # OpenCV warps two pictures of one channel twice as fast as one of two.
-        across, down = (
-            cv2.absdiff(slope, warp_plane(slope_other, homography, cv2.INTER_LINEAR, FULL // 2))
-            for slope, slope_other in zip(base, other, strict=True)
-        )
-        difference = cv2.addWeighted(across, 0.5, down, 0.5, 0)
+        apart = cv2.absdiff(four, warp_plane(four_other, homography, cv2.INTER_LINEAR, FULL // 2))
+        difference = cv2.addWeighted(cv2.extractChannel(apart, 0), 0.5, cv2.extractChannel(apart, 1), 0.5, 0)
         part = WORST / FULL / 2
         cv2.addWeighted(
             cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k]
@@ -66,7 +64,7 @@ def warp_plane(image: Picture, homography: Matrix, interpolation: int, outside: 
     """The picture seen through a homography from the result's pixels to the picture's; `outside` where it ends."""
     size = (image.shape[1], image.shape[0])
     flags = interpolation | cv2.WARP_INVERSE_MAP
-    border, value = cv2.BORDER_CONSTANT, (outside, outside)
+    border, value = cv2.BORDER_CONSTANT, (outside,) * 4
     # A camera that neither turns nor moves forward gives affine maps, which cost less.
     if np.abs(homography[2] / homography[2, 2] - (0, 0, 1)).max() < 1e-12:
         affine = homography[:2] / homography[2, 2]
