@@ -6,6 +6,7 @@ whole picture. What the error does along the lines looks like depth: of that onl
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surf
 from perception.depth.motion import Motion
 from perception.depth.settings import Settings
 
+Field = NDArray[np.float32]
 Vector = NDArray[np.float64]
 SHARP_PX = 0.2
 """Matches at least this sharp across their line are asked, pixels of the coarse level."""
@@ -45,14 +47,30 @@ class Correction:
 
 @dataclass(frozen=True)
 class _Strays:
-    """Matches that can be asked: where they lie off their lines and how surely (px), and what (ω, τ) does to them,
-    across and along the line (n × 6)."""
+    """Matches that can be asked: where they lie off their lines and how surely (px), which pixels they are, how far
+    off, and which way their lines run (n × 2)."""
 
+    geometry: Epipolar
     off_line: Vector
     variance: Vector
-    across: Vector
-    along: Vector
+    column: Vector
+    row: Vector
     inverse_depth: Vector
+    line: Vector
+
+    @cached_property
+    def across(self) -> Vector:
+        """What (ω, τ) does to them across the line, n × 6."""
+        return self.line[:, :1] * self._jacobian[:, 1] - self.line[:, 1:] * self._jacobian[:, 0]
+
+    @cached_property
+    def along(self) -> Vector:
+        """What (ω, τ) does to them along the line, n × 6."""
+        return self.line[:, :1] * self._jacobian[:, 0] + self.line[:, 1:] * self._jacobian[:, 1]
+
+    @cached_property
+    def _jacobian(self) -> Vector:
+        return motion_jacobian(self.geometry, self.inverse_depth, self.column, self.row)
 
 
 def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
@@ -137,15 +155,18 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) ->
     good[:, :rim] = good[:, -rim:] = False
     row, column = np.nonzero(good)
     along_x, along_y, _ = epipolar_axes(projection)
-    line_x, line_y = (part[good].astype(float)[:, None] for part in (along_x, along_y))
-    inverse_depth = choice.inverse_depth[good].astype(float)
-    jacobian = motion_jacobian(geometry, inverse_depth, column.astype(float), row.astype(float))
+
+    def asked(part: Field) -> Vector:
+        return part[row, column].astype(float)
+
     return _Strays(
-        off_line[good].astype(float),
-        variance[good].astype(float),
-        line_x * jacobian[:, 1] - line_y * jacobian[:, 0],
-        line_x * jacobian[:, 0] + line_y * jacobian[:, 1],
-        inverse_depth,
+        geometry,
+        asked(off_line),
+        asked(variance),
+        column.astype(float),
+        row.astype(float),
+        asked(choice.inverse_depth),
+        np.stack((asked(along_x), asked(along_y)), axis=-1),
     )
 
 
