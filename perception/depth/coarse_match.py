@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
+from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import Choice, choose_planes
 from perception.depth.view import View
@@ -31,8 +32,8 @@ class CoarseMatch:
         sure = cv2.erode(self.choice.sure.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
         if sure.mean() < FEWEST:
             return None
-        low, high = np.percentile(self.choice.inverse_depth[sure], (0.5, 99.5))
-        return float(low), float(high)
+        low, high = quantiles(self.choice.inverse_depth[sure], 0.005, 0.995)
+        return low, high
 
 
 def match_coarsely(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.bands import Band, join_bands
+from perception.depth.quantile import median
 
 Grey = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -43,7 +44,7 @@ def estimate_noise(grey: Grey) -> float:
     """
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     response = np.abs(cv2.filter2D(grey, cv2.CV_32F, mask))[::2, ::2]
-    return max(float(np.median(response)) / (6 * 0.6745), 0.3)
+    return max(median(response) / (6 * 0.6745), 0.3)
 
 
 def window_mean(image: Grey, radius: int) -> Grey:

@@ -16,6 +16,7 @@ from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.outline import HALO as OUTLINE_HALO
 from perception.depth.outline import align_outlines
 from perception.depth.parabola import Quadric
+from perception.depth.quantile import median
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
@@ -171,8 +172,8 @@ def line_error(across: Field, variance: Field) -> float:
     sharp = (variance < LINE_SHARP_PX**2) & np.isfinite(across)
     if np.count_nonzero(sharp) < 100:
         return 0.0
-    stray = 1.4826 * float(np.median(np.abs(across[sharp])))
-    own = max(LINE_SLACK * float(np.sqrt(np.median(variance[sharp]))), 0.1)
+    stray = 1.4826 * median(np.abs(across[sharp]))
+    own = max(LINE_SLACK * float(np.sqrt(median(variance[sharp]))), 0.1)
     return float(np.sqrt(max(stray**2 - own**2, 0.0)))
 
 

@@ -17,6 +17,7 @@ from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.motion import Motion
+from perception.depth.quantile import median
 from perception.depth.settings import Settings
 
 Field = NDArray[np.float32]
@@ -84,11 +85,11 @@ def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
     strays = _find_strays(coarse, coarse.geometry, settings)
     if len(strays.off_line) < FEWEST:
         return Correction(given, 0.0, 0.0)
-    own = max(float(np.sqrt(np.median(strays.variance))), LEAST_OWN_PX)
+    own = max(float(np.sqrt(median(strays.variance))), LEAST_OWN_PX)
     size = _spread(strays.off_line)
     if size <= SLACK * own:
         return Correction(given, 0.0, 0.0)
-    focal, middle = coarse.geometry.camera.fx, float(np.median(strays.inverse_depth))
+    focal, middle = coarse.geometry.camera.fx, median(strays.inverse_depth)
     prior = np.diag(np.repeat([(focal / size) ** 2, (focal * middle / size) ** 2], 3))
     error, information = _explain(strays, np.zeros(6), prior, own)
     corrected = _apply(error, given)
@@ -100,7 +101,7 @@ def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
         error, information = _explain(strays, error, prior, own)
         corrected = _apply(error, given)
     spread = np.einsum("ni,ij,nj->n", strays.along, np.linalg.inv(information), strays.along)
-    return Correction(corrected, size * coarse.factor, float(np.sqrt(np.median(spread))) * coarse.factor)
+    return Correction(corrected, size * coarse.factor, float(np.sqrt(median(spread))) * coarse.factor)
 
 
 def _explain(strays: _Strays, start: Vector, prior: Vector, own: float) -> tuple[Vector, Vector]:
@@ -171,4 +172,4 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) ->
 
 
 def _spread(values: Vector) -> float:
-    return 1.4826 * float(np.median(np.abs(values)))
+    return 1.4826 * median(np.abs(values))

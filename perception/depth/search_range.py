@@ -4,6 +4,7 @@ import numpy as np
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
+from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
 
 Range = tuple[float, float]
@@ -37,7 +38,7 @@ def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
     known = np.isfinite(value) & (cost < 1)
     if known.mean() <= KNOWN_PART:
         return None
-    low, high = (float(rho) for rho in np.percentile(value[known], (0.5, 99.5)))
+    low, high = quantiles(value[known], 0.005, 0.995)
     if 1 + shift_z * high < 0.1:
         return None
     return low / (1 + shift_z * low), high / (1 + shift_z * high)
