@@ -57,7 +57,7 @@ class Epipolar:
     def _calibration(self) -> tuple[Matrix, Matrix]:
         """K and K⁻¹."""
         matrix = self.camera.matrix
-        return matrix, np.linalg.inv(matrix)
+        return matrix, np.asarray(np.linalg.inv(matrix))
 
     @cached_property
     def _shift(self) -> tuple[np.float32, np.float32, np.float32]:

@@ -52,9 +52,7 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
         apart = cv2.absdiff(four, warp_plane(four_other, homography, cv2.INTER_LINEAR, FULL // 2))
         difference = cv2.addWeighted(cv2.extractChannel(apart, 0), 0.5, cv2.extractChannel(apart, 1), 0.5, 0)
         part = WORST / FULL / 2
-        cv2.addWeighted(
-            cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k]
-        )
+        cv2.addWeighted(cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k])
 
     share(compare, range(len(planes)))
     return costs

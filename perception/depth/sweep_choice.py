@@ -69,7 +69,9 @@ def choose_planes(
         rows = band.inner
         sure = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
         cost = pick(alone, plane[rows], rows.start).astype(np.float32)
-        mean = np.add.reduce(alone[:, rows], axis=0, dtype=np.int32).astype(np.float32) / np.float32(len(planes))
+        mean = np.add.reduce(alone[:, rows], axis=0, dtype=np.int32).astype(np.float32) / np.float32(
+            len(planes)
+        )
         lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
         cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
         return cost, lack, sure

@@ -3,41 +3,47 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import share
-
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 
-def _nearest_sides(
-    known: Mask, rows: Index, columns: Index
-) -> list[tuple[Index, Index, NDArray[np.float32]]]:
-    """Row, column and distance of the nearest known pixel to the left, right, above and below; ∞ if there is none."""
-    height, width = known.shape
-    across = np.arange(width, dtype=np.int32)[None, :]
-    down = np.arange(height, dtype=np.int32)[:, None]
-    sides: list[tuple[Index, Index, NDArray[np.float32]]] = [(rows, columns, np.empty(0, np.float32))] * 4
+def _run_ends(void: Mask) -> tuple[Index, Index, Index]:
+    """For every void, row by row: its flat index, and the columns before and after the run of voids it is in."""
+    width = void.shape[1]
+    flat = np.flatnonzero(void)
+    column = flat % width
+    begins = np.diff(flat, prepend=-2) != 1
+    begins |= column == 0
+    first = np.flatnonzero(begins)
+    length = np.diff(first, append=len(flat))
+    before = column[first] - 1
+    return flat, np.repeat(before, length), np.repeat(before + length + 1, length)
 
-    def look(side: int) -> None:
-        along_row, backward = side < 2, side % 2 == 1
-        axis, limit, number = (1, width, across) if along_row else (0, height, down)
-        # What is void counts as beyond the end from which the search comes.
-        nearest = np.where(known, number, np.int32(limit if backward else -1))
-        if backward:
-            turned = np.flip(nearest, axis)
-            np.minimum.accumulate(turned, axis=axis, out=turned)
-        else:
-            np.maximum.accumulate(nearest, axis=axis, out=nearest)
-        place = nearest[rows, columns]
-        there = (place >= 0) & (place < limit)
-        inside = np.clip(place, 0, limit - 1).astype(np.intp)
-        away = np.abs(inside - (columns if along_row else rows))
-        distance = np.where(there, away, np.inf).astype(np.float32)
-        sides[side] = (rows, inside, distance) if along_row else (inside, columns, distance)
 
-    share(look, range(4))
-    return sides
+def _nearest_sides(void: Mask) -> tuple[Index, list[tuple[Index, Field]]]:
+    """The flat index of every void, and that and the distance of the nearest known pixel to the left, to the right,
+    above and below it; ∞ if there is none."""
+    height, width = void.shape
+    flat, *across = _run_ends(void)
+    row, column = np.divmod(flat, width)
+    flat_turned, *down = _run_ends(np.ascontiguousarray(void.T))
+    column_turned, row_turned = np.divmod(flat_turned, height)
+    # Back to the order of the rows.
+    ends = np.empty(void.size, np.intp)
+    sides = []
+
+    def add(end: Index, place: Index, limit: int, begin: Index, step: int) -> None:
+        away = np.abs(end - place).astype(np.float32)
+        away[(end < 0) | (end >= limit)] = np.inf
+        sides.append((begin + step * np.clip(end, 0, limit - 1), away))
+
+    for end in across:
+        add(end, column, width, flat - column, 1)
+    for end in down:
+        ends[row_turned * width + column_turned] = end
+        add(ends[flat], row, height, column, width)
+    return flat, sides
 
 
 def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, Field, Field]:
@@ -60,28 +66,25 @@ def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, 
     zero = np.zeros_like(inverse_depth)
     if not void.any() or void.all():
         return inverse_depth, zero, zero.copy()
-    rows, columns = np.nonzero(void)
-    sides = _nearest_sides(~void, rows, columns)
-    away = np.stack([distance for _, _, distance in sides])
-    candidates = np.stack([inverse_depth[row, column] for row, column, _ in sides])
-    candidates[~np.isfinite(away)] = np.nan
-    column = np.arange(candidates.shape[1])
-    close = candidates[np.argmin(away, axis=0), column]
-    distance = np.min(away, axis=0)
-    along = np.where(
-        level[void], np.fmin(candidates[0], candidates[1]), np.fmin(candidates[2], candidates[3])
-    )
-    count = np.isfinite(candidates).sum(axis=0)
+    flat, sides = _nearest_sides(void)
+    candidates = [
+        np.where(np.isfinite(away), np.take(inverse_depth, index), np.float32(np.nan))
+        for index, away in sides
+    ]
+    close, distance = candidates[0], sides[0][1]
+    for candidate, (_, away) in zip(candidates[1:], sides[1:], strict=True):
+        close = np.where(away < distance, candidate, close)
+        distance = np.minimum(distance, away)
+    left, right, above, below = candidates
+    along = np.where(np.take(level, flat), np.fmin(left, right), np.fmin(above, below))
     far = np.where(np.isfinite(along), along, close)
-    width = np.fmax.reduce(candidates) - np.fmin.reduce(candidates)
-    lonely = count == 0
+    lonely = np.isinf(distance)
     filled, spread, reach = inverse_depth.copy(), zero, np.zeros_like(inverse_depth)
-    filled[void] = np.where(hidden[void], far, close)
-    spread[void] = width
-    reach[void] = distance
+    np.put(filled, flat, np.where(np.take(hidden, flat), far, close))
+    np.put(spread, flat, np.fmax.reduce(candidates) - np.fmin.reduce(candidates))
+    np.put(reach, flat, distance)
     if lonely.any():
-        places = rows[lonely], columns[lonely]
-        filled[places] = np.float32(np.nanmedian(inverse_depth))
-        spread[places] = np.nanmax(inverse_depth) - np.nanmin(inverse_depth)
-        reach[places] = np.hypot(*inverse_depth.shape)
+        np.put(filled, flat[lonely], np.nanmedian(inverse_depth))
+        np.put(spread, flat[lonely], np.nanmax(inverse_depth) - np.nanmin(inverse_depth))
+        np.put(reach, flat[lonely], np.hypot(*inverse_depth.shape))
     return filled, spread, reach
