@@ -76,8 +76,8 @@ def warp_plane(image: Picture, homography: Matrix, interpolation: int, outside: 
 
 def admit_prediction(
     costs: Volume, planes: NDArray[np.float64], predicted: InverseDepth, stiffness: float
-) -> None:
-    """Let the predicted depth stand for the pictures no longer kept: costs ← min(costs, c + stiffness·χ²), in place.
+) -> Volume:
+    """Let the predicted depth stand for the pictures no longer kept: min(costs, c + stiffness·χ²).
 
     c is what the prediction cost when it was last confirmed and χ² = (ρ_k − ρ̂)²/P, P at least a
     quarter of a squared plane distance. So a point hidden from the other picture keeps the depth it had, and
@@ -85,6 +85,7 @@ def admit_prediction(
     """
     spacing = float(planes[1] - planes[0])
     worst = np.float32(WORST)
+    admitted = np.empty_like(costs)
 
     def admit(band: Band) -> None:
         value, variance, lowest = (
@@ -103,7 +104,7 @@ def admit_prediction(
             away += floor
             np.minimum(away, worst, out=away)
             np.copyto(cost, away, casting="unsafe")
-            plane = costs[k, band.inner]
-            np.minimum(plane, cost, out=plane)
+            np.minimum(costs[k, band.inner], cost, out=admitted[k, band.inner])
 
-    share(admit, bands(predicted.value.shape))
+    share(admit, bands(costs.shape[1:]))
+    return admitted

@@ -48,11 +48,9 @@ def choose_planes(
     settings: Settings,
 ) -> Choice:
     """Choose a plane for every pixel of the base picture."""
-    costs = sweep_planes(base.slopes, other.slopes, geometry, planes)
-    alone = costs
+    costs = alone = sweep_planes(base.slopes, other.slopes, geometry, planes)
     if np.isfinite(predicted.value).any():
-        alone = costs.copy()
-        admit_prediction(costs, planes, predicted, settings.stiffness)
+        costs = admit_prediction(alone, planes, predicted, settings.stiffness)
     contrast = max(0.6 * base.contrast, 1.4 * base.noise)
     price = WORST * (AGAIN if base.noisy else 1)
     bend = int(settings.bend * price)
@@ -69,9 +67,10 @@ def choose_planes(
         rows = band.inner
         sure = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
         cost = pick(alone, plane[rows], rows.start).astype(np.float32)
-        mean = np.add.reduce(alone[:, rows], axis=0, dtype=np.int32).astype(np.float32) / np.float32(
-            len(planes)
-        )
+        mean = np.zeros(cost.shape, np.float32)
+        for plane_costs in alone[:, rows]:
+            cv2.accumulate(plane_costs, mean)
+        mean /= np.float32(len(planes))
         lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
         cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
         return cost, lack, sure
