@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 Item = TypeVar("Item")
 PIXELS = 1 << 17
 """Most pixels of a band. Smaller ones fit the cache better, but what their halos add costs more."""
+ALONE = 1 << 15
+"""A picture of fewer pixels is done before a second thread has woken."""
 STEP = 12
 """Bands begin at multiples of this many rows, so that every second or third row is the same in band and whole."""
 MOST_THREADS = 4
@@ -40,7 +42,7 @@ def bands(shape: tuple[int, int], halo: int = 0) -> list[Band]:
     """
     height, width = shape
     # An even number of them, for two processors.
-    number = 2 * -(-height * width // (2 * PIXELS))
+    number = 2 * -(-height * width // (2 * PIXELS)) if height * width >= ALONE else 1
     rows = STEP * -(-height // (number * STEP))
     return [
         Band(
@@ -52,12 +54,13 @@ def bands(shape: tuple[int, int], halo: int = 0) -> list[Band]:
     ]
 
 
-def share(work: Callable[[Item], None], items: Iterable[Item]) -> None:
+def share(work: Callable[[Item], None], items: Iterable[Item], pixels: int = ALONE) -> None:
     """Do the work for every item, several at a time, and wait for all.
 
-    Work that shares its own does that in turn, for it would wait for the thread it runs in.
+    Work on pictures of few `pixels` is done in turn; so is work that shares its own, for it would wait for the thread
+    it runs in.
     """
-    if _threads() == 1 or getattr(_here, "shared", False):
+    if pixels < ALONE or _threads() == 1 or getattr(_here, "shared", False):
         for item in items:
             work(item)
     else:
@@ -80,7 +83,7 @@ def join_bands(
         for whole, part in zip(wholes, parts, strict=True):
             whole[band.inner] = part
 
-    share(place, bands(shape, halo))
+    share(place, bands(shape, halo), shape[0] * shape[1])
     return tuple(wholes)
 
 

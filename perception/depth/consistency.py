@@ -33,7 +33,7 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     def turn(k: int) -> None:
         seen[k] = warp_plane(np.ascontiguousarray(thin[k]), backward[k], cv2.INTER_NEAREST, NO_VIEW)
 
-    share(turn, range(count))
+    share(turn, range(count), height * width)
     (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner]),))
     return best
 

@@ -136,3 +136,25 @@ def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> 
     least = least * np.float32(base.pixels)
     parts = (-scale * pull_u, -scale * pull_v, scale * gain * uu, scale * gain * uv, scale * gain * vv)
     return Quadric(least, *(np.asarray(part, np.float32) for part in parts))
+
+
+def step_along(base: BaseWindow, other: Between, projection: Projection) -> Field:
+    """The first step along the line toward the least q(u, 0): −q_u/q_uu of the same expansion, roughly interpolated.
+
+    Returns:
+        u in pixels, NaN where the slopes along the line are no more than twice what noise makes of them.
+    """
+    along_x, along_y, _ = epipolar_axes(projection)
+    warped, slope_x, slope_y = other.roughly_at(projection.x, projection.y)
+    u = slope_x * along_x + slope_y * along_y
+    mean, mean_u = base.average(warped), base.average(u)
+    power = np.maximum(base.average(warped * warped) - mean * mean, np.float32(LEAST_POWER))
+    common = base.average(base.grey * warped) - base.mean * mean
+    like = base.average(u * warped) - mean_u * mean
+    gain = common / power
+    noise = np.float32(SLOPE_NOISE) * np.maximum(base.variance - gain * common, np.float32(0))
+    uu = base.average(u * u) - mean_u * mean_u - like * like / power - 2 * noise / (1 + gain * gain)
+    pull = base.average(u * base.grey) - mean_u * base.mean - like * common / power
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = pull / (gain * uu)
+    return select((gain > 0) & (uu > 0), step, np.nan)

@@ -24,10 +24,17 @@ class Between:
     def __init__(self, grey: Field) -> None:
         self.grey = grey
         self._across, self._down = _correlate(grey, SECOND), _correlate(grey, SECOND.T)
+        slopes = _correlate(grey, FIRST), _correlate(grey, FIRST.T)
+        self._plain = np.asarray(cv2.merge(slopes), np.float32)
         self._slopes = [
             np.asarray(cv2.merge([slope, _correlate(slope, BEND), _correlate(slope, BEND.T)]), np.float32)
-            for slope in (_correlate(grey, FIRST), _correlate(grey, FIRST.T))
+            for slope in slopes
         ]
+
+    def roughly_at(self, x: Field, y: Field) -> tuple[Field, Field, Field]:
+        """Grey level and slopes by plain linear interpolation, for a first step."""
+        slope_x, slope_y = (np.asarray(part, np.float32) for part in cv2.split(_linear(self._plain, x, y)))
+        return _linear(self.grey, x, y), slope_x, slope_y
 
     def grey_at(self, x: Field, y: Field) -> Field:
         """Everett's formula, I(x₀ + f) = (1−f) I₀ + f I₁ − f (1−f)/2 [(2−f)/3 δ²₀ + (1+f)/3 δ²₁], along both axes.

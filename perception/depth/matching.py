@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from perception.depth.bands import Band, join_bands
 from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
-from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
+from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface, step_along
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.outline import HALO as OUTLINE_HALO
 from perception.depth.outline import align_outlines
-from perception.depth.parabola import Quadric
 from perception.depth.quantile import median
 from perception.depth.select import select
 from perception.depth.settings import Settings
@@ -115,8 +114,8 @@ def refine(
 
     The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
     covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
-    line would do to it is part of its variance. It is done twice, for the slopes between pixels are not exact
-    and the windows must follow the slant.
+    line would do to it is part of its variance. A rough step along the line comes first, for the expansion holds
+    close to the minimum and the windows must follow the slant.
 
     Args:
         disparity: where to begin, in planes `spacing` 1/m apart; what is found is within half a pixel of it.
@@ -127,24 +126,23 @@ def refine(
     thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
     across, across_variance = np.empty(thin, np.float32), np.empty(thin, np.float32)
 
-    def sample(start: Field, band: Band) -> tuple[Quadric, Field, Field, BaseWindow]:
+    def look(band: Band) -> tuple[Field, ...]:
+        rows = band.inner
+        window = BaseWindow(soft[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
+        projection = geometry.project(disparity[band.outer] * spacing, band.outer)
+        shift = step_along(window, between, projection)[band.trim]
+        worth = np.hypot(projection.slope_x, projection.slope_y)[band.trim] * spacing
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = (np.abs(shift) <= 0.5) & (worth > 1e-6 * spacing)
+            return (select(found, disparity[rows] + shift / worth, disparity[rows]),)
+
+    def measure(band: Band) -> tuple[Field, ...]:
         window = BaseWindow(soft[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
         projection = geometry.project(start[band.outer] * spacing, band.outer)
         surface = sample_surface(window, between, projection).rows(band.trim)
         _, _, worth = epipolar_axes(projection)
         weight: Field = np.maximum(surface.value / (window.pixels - 1), floor)
-        return surface, weight / np.float32(settings.epipolar_std_px**2), worth[band.trim], window
-
-    def look(band: Band) -> tuple[Field, ...]:
-        surface, weight, worth, _ = sample(disparity, band)
-        shift, _, _ = surface.minimum(weight)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = (np.abs(shift) <= 0.5) & (worth > 1e-6)
-            value = disparity[band.inner] + shift / (worth * spacing)
-        return (select(found, value, disparity[band.inner]),)
-
-    def measure(band: Band) -> tuple[Field, ...]:
-        surface, weight, worth, window = sample(start, band)
+        weight = weight / np.float32(settings.epipolar_std_px**2)
         shift, _, least = surface.minimum(weight)
         power: Field = np.maximum(least / (window.pixels - 1), floor) * gain
         spread, _, _ = surface.covariance(power, weight)
@@ -152,7 +150,7 @@ def refine(
         rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
         _, across[rows], _ = some.minimum()
         _, _, across_variance[rows] = some.covariance(power[::LINE_THINNING, ::LINE_THINNING])
-        return shift, spread, worth
+        return shift, spread, worth[band.trim]
 
     (first,) = join_bands(base.shape, look, settings.window_radius)
     (start,) = join_bands(

@@ -89,13 +89,14 @@ def aggregate(costs: Costs, bend: int, jumps: tuple[Costs, Costs]) -> Volume:
     def add_turned(k: int) -> None:
         total[k] += cv2.transpose(np.add(strings[:, k, 0], strings[::-1, k, 1], dtype=np.int16))
 
-    share(lay, range(count))
+    pixels = height * width
+    share(lay, range(count), pixels)
     sweep_lines(strings, bend, jumps[0])
-    share(add, range(count))
+    share(add, range(count), pixels)
     strings = room.reshape(width, count, 2, height)
-    share(lay_turned, range(count))
+    share(lay_turned, range(count), pixels)
     sweep_lines(strings, bend, jumps[1])
-    share(add_turned, range(count))
+    share(add_turned, range(count), pixels)
     return total
 
 
@@ -118,7 +119,7 @@ def hear_neighbours(costs: Costs, total: Volume, most: int) -> Costs:
             np.copyto(mixed[:, row], heard, casting="unsafe")
 
     _, height, width = costs.shape
-    share(mix, bands((height, width)))
+    share(mix, bands((height, width)), height * width)
     return mixed
 
 

@@ -54,7 +54,7 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
         part = WORST / FULL / 2
         cv2.addWeighted(cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k])
 
-    share(compare, range(len(planes)))
+    share(compare, range(len(planes)), height * width)
     return costs
 
 
@@ -106,5 +106,5 @@ def admit_prediction(
             np.copyto(cost, away, casting="unsafe")
             np.minimum(costs[k, band.inner], cost, out=admitted[k, band.inner])
 
-    share(admit, bands(costs.shape[1:]))
+    share(admit, bands(costs.shape[1:]), costs[0].size)
     return admitted

@@ -31,6 +31,7 @@ def test_a_halo_ends_at_the_picture() -> None:
 @pytest.mark.parametrize("pixels", [1 << 10, 1 << 13, 1 << 20])
 def test_a_filter_in_bands_gives_the_same_bits(pixels: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "PIXELS", pixels)
+    monkeypatch.setattr(room, "ALONE", 0)
     picture = np.random.default_rng(0).normal(0, 1, (100, 70)).astype(np.float32)
 
     def smooth(band: Band) -> tuple[np.ndarray, ...]:
@@ -69,6 +70,7 @@ def run(anchored: bool) -> list[np.ndarray]:
 @pytest.mark.parametrize("anchored", [False, True], ids=["carried", "anchored"])
 def test_the_map_does_not_depend_on_bands_or_threads(anchored: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = run(anchored)
+    monkeypatch.setattr(room, "ALONE", 0)
     for pixels, threads in ((1 << 9, 1), (1 << 11, 3), (1 << 12, 2)):
         monkeypatch.setattr(room, "PIXELS", pixels)
         monkeypatch.setattr(room, "_threads", lambda threads=threads: threads)
