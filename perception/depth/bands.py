@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 Item = TypeVar("Item")
 PIXELS = 1 << 17
 """Most pixels of a band. Smaller ones fit the cache better, but what their halos add costs more."""
-ALONE = 1 << 15
+ALONE = 1 << 16
 """A picture of fewer pixels is done before a second thread has woken."""
 STEP = 12
 """Bands begin at multiples of this many rows, so that every second or third row is the same in band and whole."""

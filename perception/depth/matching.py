@@ -131,7 +131,7 @@ def refine(
         window = BaseWindow(soft[band.outer], settings.window_radius, settings.equalisation, Window.TENT)
         projection = geometry.project(disparity[band.outer] * spacing, band.outer)
         shift = step_along(window, between, projection)[band.trim]
-        worth = np.hypot(projection.slope_x, projection.slope_y)[band.trim] * spacing
+        worth = np.sqrt(np.square(projection.slope_x) + np.square(projection.slope_y))[band.trim] * spacing
         with np.errstate(divide="ignore", invalid="ignore"):
             found = (np.abs(shift) <= 0.5) & (worth > 1e-6 * spacing)
             return (select(found, disparity[rows] + shift / worth, disparity[rows]),)
