@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from perception.depth.estimator import DepthMap
 from tools.depth_scenes import Sequence
@@ -118,9 +118,9 @@ def draw_frames(path: Path, runs: dict[str, list[dict[str, float]]], turn: dict[
             ylabel="% of depth",
             yscale="log",
         )
-        left.yaxis.set_major_formatter(ScalarFormatter())
-        left.yaxis.set_minor_formatter(ScalarFormatter())
-        left.tick_params(axis="y", which="minor", labelsize=7)
+        left.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        left.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+        left.yaxis.set_minor_formatter(NullFormatter())
         left.legend(fontsize=8, loc="upper right", ncols=2)
         left.set_ylim(top=2.2)
         lines = {
