@@ -15,7 +15,7 @@ from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.outline import HALO as OUTLINE_HALO
 from perception.depth.outline import align_outlines
-from perception.depth.quantile import median
+from perception.depth.quantile import median, robust_deviation
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
@@ -61,6 +61,15 @@ def flatten_steps(disparity: Field, radius: int = FLAT_RADIUS, step: float = 0.5
     power = variance * variance
     keep = power / (power + np.float32(step**4))
     return np.asarray(cv2.blur(keep, side) * disparity + cv2.blur((1 - keep) * mean, side), np.float32)
+
+
+def flatten_whole(disparity: Field) -> Field:
+    """`flatten_steps` of a whole map, in bands."""
+    shape = disparity.shape[0], disparity.shape[1]
+    (flat,) = join_bands(
+        shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
+    )
+    return flat
 
 
 def jump_height(disparity: Field, radius: int) -> Field:
@@ -153,9 +162,7 @@ def refine(
         return shift, spread, worth[band.trim]
 
     (first,) = join_bands(base.shape, look, settings.window_radius)
-    (start,) = join_bands(
-        base.shape, lambda band: (flatten_steps(first[band.outer])[band.trim],), 2 * FLAT_RADIUS
-    )
+    start = flatten_whole(first)
     shift, spread, worth = join_bands(base.shape, measure, settings.window_radius)
     off_line = np.float32(line_error(across, across_variance) ** 2 + motion_error_px**2)
     return Refinement(start, shift, spread, worth, off_line)
@@ -170,7 +177,7 @@ def line_error(across: Field, variance: Field) -> float:
     sharp = (variance < LINE_SHARP_PX**2) & np.isfinite(across)
     if np.count_nonzero(sharp) < 100:
         return 0.0
-    stray = 1.4826 * median(np.abs(across[sharp]))
+    stray = robust_deviation(across[sharp])
     own = max(LINE_SLACK * float(np.sqrt(median(variance[sharp]))), 0.1)
     return float(np.sqrt(max(stray**2 - own**2, 0.0)))
 
@@ -206,9 +213,7 @@ def match_pair(
         lambda band: (align_outlines(filled[band.outer], guide[band.outer], base.noise)[band.trim],),
         OUTLINE_HALO,
     )
-    (flat,) = join_bands(
-        shape, lambda band: (flatten_steps(disparity[band.outer])[band.trim],), 2 * FLAT_RADIUS
-    )
+    flat = flatten_whole(disparity)
     refinement = refine(base, other, geometry, flat, choice.spacing, settings, motion_error_px)
     # The membrane hands on by two rows an iteration what the windows of the jumps have gathered; an even halo keeps
     # the squares of the chess-board.

@@ -17,7 +17,7 @@ from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
 from perception.depth.motion import Motion
-from perception.depth.quantile import median
+from perception.depth.quantile import median, robust_deviation
 from perception.depth.settings import Settings
 
 Field = NDArray[np.float32]
@@ -86,7 +86,7 @@ def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
     if len(strays.off_line) < FEWEST:
         return Correction(given, 0.0, 0.0)
     own = max(float(np.sqrt(median(strays.variance))), LEAST_OWN_PX)
-    size = _spread(strays.off_line)
+    size = robust_deviation(strays.off_line)
     if size <= SLACK * own:
         return Correction(given, 0.0, 0.0)
     focal, middle = coarse.geometry.camera.fx, median(strays.inverse_depth)
@@ -110,7 +110,7 @@ def _explain(strays: _Strays, start: Vector, prior: Vector, own: float) -> tuple
     error, information = start, prior
     for _ in range(ROUNDS):
         rest = off_line - strays.across @ error
-        scale = max(_spread(rest), own)
+        scale = max(robust_deviation(rest), own)
         weight = INDEPENDENT / len(rest) / (scale**2 + (rest / 2) ** 2)
         information = strays.across.T @ (weight[:, None] * strays.across) + prior
         error = np.asarray(np.linalg.solve(information, strays.across.T @ (weight * off_line)), np.float64)
@@ -169,7 +169,3 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) ->
         asked(choice.inverse_depth),
         np.stack((asked(along_x), asked(along_y)), axis=-1),
     )
-
-
-def _spread(values: Vector) -> float:
-    return 1.4826 * median(np.abs(values))

@@ -22,3 +22,8 @@ def quantiles(values: NDArray[Any], *parts: float) -> list[float]:
 def median(values: NDArray[Any]) -> float:
     """The value in the middle."""
     return quantiles(values, 0.5)[0]
+
+
+def robust_deviation(values: NDArray[Any]) -> float:
+    """1.4826 times the median of |values|: the standard deviation of normal errors about 0, whatever the outliers."""
+    return 1.4826 * median(np.abs(values))

@@ -21,7 +21,7 @@ from perception.depth.interpolation import Between
 
 
 class View:
-    """One picture in grey levels; noise, calmed pictures and equalised slopes follow when they are asked for."""
+    """One picture in grey levels; noise, pictures without it and equalised slopes follow when they are asked for."""
 
     def __init__(self, grey: Grey) -> None:
         self.grey = grey
