@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from perception.depth.bands import join_bands
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
+from perception.depth.select import select
 
 Field = NDArray[np.float32]
 Matrix = NDArray[np.float64]
-Some = slice | NDArray[np.bool_]
+Some = slice | tuple[slice, slice] | NDArray[np.bool_]
+"""Some rows, some rows and columns, or a mask."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,14 @@ class Projection:
     slope_x: Field  # ∂x'/∂ρ in pixels per 1/m: the vector C of (2.22)
     slope_y: Field
     shift_z: float  # b of (2.21)
+
+    @cached_property
+    def line(self) -> tuple[Field, Field, Field]:
+        """Unit vector along the epipolar line (ex, ey) and |C|, the pixels a unit of inverse depth is worth."""
+        length = np.sqrt(np.square(self.slope_x) + np.square(self.slope_y))
+        safe = np.maximum(length, np.float32(1e-9))
+        away = length > 1e-9
+        return select(away, self.slope_x / safe, 1), select(away, self.slope_y / safe, 0), length
 
 
 class Epipolar:
@@ -65,7 +75,7 @@ class Epipolar:
         return shift[0], shift[1], shift[2]
 
     def project(self, inverse_depth: Field | float, some: Some | None = None) -> Projection:
-        """Where pixels go when they stand at `inverse_depth` (1/m): all, or only those of some rows or of a mask."""
+        """Where pixels go when they stand at `inverse_depth` (1/m): all, or only some."""
         rho = np.asarray(inverse_depth, np.float32)
         shift_x, shift_y, shift_z = self._shift
 
@@ -97,6 +107,8 @@ class Epipolar:
         """x', y', q₃ and 1/q₃; NaN behind the camera."""
         if isinstance(some, slice):
             first, second, third = self._rays[:, some]
+        elif isinstance(some, tuple):
+            first, second, third = self._rays[:, *some]
         else:
             # An index by a mask would search it for every ray, and branch.
             first, second, third = self._rays.reshape(3, -1).take(np.flatnonzero(some), axis=1)

@@ -11,15 +11,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Projection
 from perception.depth.interpolation import Between
 from perception.depth.parabola import Quadric
-from perception.depth.select import select
 
 Field = NDArray[np.float32]
 LEAST_POWER = 1e-3
 """No window has less contrast than this, grey levels squared."""
-SLOPE_NOISE = 0.56
+SLOPE_NOISE = 0.76
 """Variance of the noise in a slope for one of the noise in a softened picture, white before it was softened."""
 
 
@@ -30,8 +30,6 @@ class Equalisation(Enum):
     """(2.6), (2.7): nothing."""
     MEAN_RATIO = "mean-ratio"
     """(2.8): the ratio of the means, where the window has texture. Removes a gain, not an offset."""
-    NORMALISED = "normalised"
-    """Difference of means and ratio of standard deviations: removes gain and offset."""
 
 
 TEXTURE_GATE = 0.01
@@ -50,11 +48,8 @@ class Window(Enum):
 class BaseWindow:
     """The windows of the base picture, whose moments all candidates share."""
 
-    def __init__(
-        self, grey: Field, radius: int, equalisation: Equalisation, window: Window = Window.FLAT
-    ) -> None:
+    def __init__(self, grey: Field, radius: int, window: Window = Window.FLAT) -> None:
         self.grey = grey
-        self.equalisation = equalisation
         offsets = np.abs(np.arange(-radius, radius + 1))
         profile = np.ones(2 * radius + 1) if window is Window.FLAT else radius + 1.0 - offsets
         self._profile = (profile / profile.sum()).astype(np.float32)
@@ -70,32 +65,18 @@ class BaseWindow:
             np.float32,
         )
 
-    def sum_of_squares(self, warped: Field) -> Field:
+    def sum_of_squares(self, warped: Field, equalisation: Equalisation) -> Field:
         """Σ φ [I_t − equalised I_{t+τ}]² over the window, Σ φ = N; height × width, grey levels squared."""
-        if self.equalisation is Equalisation.NONE:
+        if equalisation is Equalisation.NONE:
             difference = self.grey - warped
             return self.average(difference * difference) * np.float32(self.pixels)
         mean = self.average(warped)
-        if self.equalisation is Equalisation.MEAN_RATIO:
-            gate = np.sqrt(self.variance) > TEXTURE_GATE * np.maximum(self.mean, 1e-3)
-            ratio = np.where(gate & (mean > 1e-3), self.mean / np.maximum(mean, 1e-3), np.float32(1))
-            square = self.average(self.grey * self.grey)
-            cross = self.average(self.grey * warped)
-            power = self.average(warped * warped)
-            return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
-        variance = np.maximum(self.average(warped * warped) - mean * mean, 0)
-        covariance = self.average(self.grey * warped) - self.mean * mean
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.sqrt(self.variance / np.maximum(variance, 1e-6))
-        return np.asarray(2 * self.pixels * np.maximum(self.variance - gain * covariance, 0), np.float32)
-
-
-def epipolar_axes(projection: Projection) -> tuple[Field, Field, Field]:
-    """Unit vector along the epipolar line (ex, ey) and |C|, the pixels a unit of inverse depth is worth."""
-    length = np.sqrt(np.square(projection.slope_x) + np.square(projection.slope_y))
-    safe = np.maximum(length, np.float32(1e-9))
-    away = length > 1e-9
-    return select(away, projection.slope_x / safe, 1), select(away, projection.slope_y / safe, 0), length
+        gate = np.sqrt(self.variance) > TEXTURE_GATE * np.maximum(self.mean, 1e-3)
+        ratio = np.where(gate & (mean > 1e-3), self.mean / np.maximum(mean, 1e-3), np.float32(1))
+        square = self.average(self.grey * self.grey)
+        cross = self.average(self.grey * warped)
+        power = self.average(warped * warped)
+        return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
 
 
 def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> Quadric:
@@ -111,9 +92,8 @@ def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> 
         other: the other picture.
         projection: the predicted place of every pixel.
     """
-    along_x, along_y, _ = epipolar_axes(projection)
-    warped = other.grey_at(projection.x, projection.y)
-    slope_x, slope_y = other.slopes_at(projection.x, projection.y)
+    along_x, along_y, _ = projection.line
+    warped, slope_x, slope_y = other.at(projection.x, projection.y)
     u, v = slope_x * along_x + slope_y * along_y, slope_y * along_x - slope_x * along_y
     mean, mean_u, mean_v = base.average(warped), base.average(u), base.average(v)
     power = np.maximum(base.average(warped * warped) - mean * mean, np.float32(LEAST_POWER))
@@ -138,23 +118,6 @@ def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> 
     return Quadric(least, *(np.asarray(part, np.float32) for part in parts))
 
 
-def step_along(base: BaseWindow, other: Between, projection: Projection) -> Field:
-    """The first step along the line toward the least q(u, 0): −q_u/q_uu of the same expansion, roughly interpolated.
-
-    Returns:
-        u in pixels, NaN where the slopes along the line are no more than twice what noise makes of them.
-    """
-    along_x, along_y, _ = epipolar_axes(projection)
-    warped, slope_x, slope_y = other.roughly_at(projection.x, projection.y)
-    u = slope_x * along_x + slope_y * along_y
-    mean, mean_u = base.average(warped), base.average(u)
-    power = np.maximum(base.average(warped * warped) - mean * mean, np.float32(LEAST_POWER))
-    common = base.average(base.grey * warped) - base.mean * mean
-    like = base.average(u * warped) - mean_u * mean
-    gain = common / power
-    noise = np.float32(SLOPE_NOISE) * np.maximum(base.variance - gain * common, np.float32(0))
-    uu = base.average(u * u) - mean_u * mean_u - like * like / power - 2 * noise / (1 + gain * gain)
-    pull = base.average(u * base.grey) - mean_u * base.mean - like * common / power
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = pull / (gain * uu)
-    return select((gain > 0) & (uu > 0), step, np.nan)
+def noise_power(least: Field, window: BaseWindow) -> Field:
+    """s² = q_min/(N − 1), and never less than the rounding of grey levels makes."""
+    return np.asarray(np.maximum(least / np.float32(window.pixels - 1), np.float32(ROUNDING)), np.float32)

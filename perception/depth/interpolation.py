@@ -12,55 +12,44 @@ Field = NDArray[np.float32]
 
 SECOND = np.array([[5, -54, 299, -500, 299, -54, 5]], np.float32) / np.float32(128)
 """δ² − 3/16 δ⁴ + 5/128 δ⁶: the second difference of Everett's formula and what follows it, as at f = ½."""
-FIRST = np.array([[1, -8, 0, 8, -1]], np.float32) / np.float32(12)
-"""The slope, right for polynomials to the fourth degree."""
-BEND = np.array([[1, -2, 1]], np.float32)
-"""δ²."""
+FIRST = np.array([[-2, 13, -50, 0, 50, -13, 2]], np.float32) / np.float32(60)
+"""The slope, right for polynomials to the fourth degree and within 3 % for waves of 4 pixels and more."""
 
 
 class Between:
     """A picture that can be asked between its pixels."""
 
     def __init__(self, grey: Field) -> None:
-        self.grey = grey
         self._across, self._down = _correlate(grey, SECOND), _correlate(grey, SECOND.T)
-        slopes = _correlate(grey, FIRST), _correlate(grey, FIRST.T)
-        self._plain = np.asarray(cv2.merge(slopes), np.float32)
-        self._slopes = [
-            np.asarray(cv2.merge([slope, _correlate(slope, BEND), _correlate(slope, BEND.T)]), np.float32)
-            for slope in slopes
-        ]
+        slope_x, slope_y = _correlate(grey, FIRST), _correlate(grey, FIRST.T)
+        # OpenCV looks up four channels in the time of one and half that of three.
+        self._with_x, self._with_y = (
+            np.asarray(
+                cv2.merge((grey, slope, _correlate(slope, SECOND), _correlate(slope, SECOND.T))), np.float32
+            )
+            for slope in (slope_x, slope_y)
+        )
 
-    def roughly_at(self, x: Field, y: Field) -> tuple[Field, Field, Field]:
-        """Grey level and slopes by plain linear interpolation, for a first step."""
-        slope_x, slope_y = (np.asarray(part, np.float32) for part in cv2.split(_linear(self._plain, x, y)))
-        return _linear(self.grey, x, y), slope_x, slope_y
+    def at(self, x: Field, y: Field) -> tuple[Field, Field, Field]:
+        """Grey level and slopes ∂I/∂x and ∂I/∂y at some places; 0 where a place is no number.
 
-    def grey_at(self, x: Field, y: Field) -> Field:
-        """Everett's formula, I(x₀ + f) = (1−f) I₀ + f I₁ − f (1−f)/2 [(2−f)/3 δ²₀ + (1+f)/3 δ²₁], along both axes.
-
-        The bracket is δ² interpolated at (1+f)/3. Places that are no numbers give 0.
+        Everett's formula along both axes, I(x₀ + f) = (1−f) I₀ + f I₁ − f (1−f)/2 [(2−f)/3 δ²₀ + (1+f)/3 δ²₁].
+        The bracket is δ² interpolated at (1+f)/3; for the slopes, that move no match, at f.
         """
         left, top = np.floor(x), np.floor(y)
         part_x, part_y = x - left, y - top
-        third = np.float32(1 / 3)
+        third, half = np.float32(1 / 3), np.float32(0.5)
+        share_x, share_y = half * part_x * (1 - part_x), half * part_y * (1 - part_y)
+        value, plain_x, across_x, down_x = cv2.split(_linear(self._with_x, x, y))
+        _, plain_y, across_y, down_y = cv2.split(_linear(self._with_y, x, y))
         across = _linear(self._across, left + (1 + part_x) * third, y)
         down = _linear(self._down, x, top + (1 + part_y) * third)
-        bent = part_x * (1 - part_x) * across + part_y * (1 - part_y) * down
-        value = np.asarray(_linear(self.grey, x, y) - np.float32(0.5) * bent, np.float32)
-        cv2.patchNaNs(value, 0)
-        return value
-
-    def slopes_at(self, x: Field, y: Field) -> tuple[Field, Field]:
-        """∂I/∂x and ∂I/∂y, of Everett's formula as far as it is even in f − ½."""
-        part_x, part_y = x - np.floor(x), y - np.floor(y)
-        share_x, share_y = part_x * (1 - part_x) / 2, part_y * (1 - part_y) / 2
-        found = []
-        for slopes in self._slopes:
-            slope, across, down = cv2.split(_linear(slopes, x, y))
-            found.append(np.asarray(slope - share_x * across - share_y * down, np.float32))
-            cv2.patchNaNs(found[-1], 0)
-        return found[0], found[1]
+        grey = np.asarray(value - share_x * across - share_y * down, np.float32)
+        slope_x = np.asarray(plain_x - share_x * across_x - share_y * down_x, np.float32)
+        slope_y = np.asarray(plain_y - share_x * across_y - share_y * down_y, np.float32)
+        for part in (grey, slope_x, slope_y):
+            cv2.patchNaNs(part, 0)
+        return grey, slope_x, slope_y
 
 
 def _correlate(image: Field, kernel: Field) -> Field:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.epipolar import Epipolar, Projection
-from perception.depth.essd import BaseWindow, epipolar_axes
+from perception.depth.essd import BaseWindow
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane, relaxed_variance
 from perception.depth.parabola import disparity_variance, fit_parabola
@@ -88,15 +88,15 @@ def _search(
     base: Field, other: Field, projection: Projection, u: Field, v: Field, reach: int, settings: Settings
 ) -> Displacements:
     """Whole displacements around (u, v), two parabolas at the best, and the membrane; ESSD (2.7), (2.8)."""
-    window = BaseWindow(base, settings.window_radius, settings.equalisation)
-    along_x, along_y, _ = epipolar_axes(projection)
+    window = BaseWindow(base, settings.window_radius)
+    along_x, along_y, _ = projection.line
 
     def essd(du: Field, dv: Field) -> Field:
         warped = cv2.remap(
             other, projection.x + du, projection.y + dv, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
         off_line = du * along_y - dv * along_x
-        cost = window.sum_of_squares(np.asarray(warped, np.float32))
+        cost = window.sum_of_squares(np.asarray(warped, np.float32), settings.equalisation)
         return np.asarray(cost + np.float32(settings.epipolar_weight) * off_line * off_line, np.float32)
 
     best = np.full(base.shape, np.inf, np.float32)

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.coarse_match import CoarseMatch
-from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Epipolar
-from perception.depth.essd import BaseWindow, Window, epipolar_axes, sample_surface
+from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.motion import Motion
 from perception.depth.quantile import median, robust_deviation
 from perception.depth.settings import Settings
@@ -143,11 +142,11 @@ def motion_jacobian(geometry: Epipolar, inverse_depth: Vector, column: Vector, r
 
 def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) -> _Strays:
     base, other, choice = coarse.base, coarse.other, coarse.choice
-    window = BaseWindow(base.soft, settings.window_radius, settings.equalisation, Window.TENT)
+    window = BaseWindow(base.soft, settings.window_radius, Window.TENT)
     projection = geometry.project(choice.inverse_depth)
     surface = sample_surface(window, other.between, projection)
     _, off_line, least = surface.minimum()
-    power = np.maximum(least / (window.pixels - 1), np.float32(ROUNDING)) * np.float32(base.noise_weight)
+    power = noise_power(least, window) * np.float32(base.noise_weight)
     _, _, variance = surface.covariance(power)
     with np.errstate(invalid="ignore"):
         good = choice.sure & (np.abs(off_line) < 2) & (variance < SHARP_PX**2)
@@ -155,7 +154,7 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) ->
     good[:rim] = good[-rim:] = False
     good[:, :rim] = good[:, -rim:] = False
     row, column = np.nonzero(good)
-    along_x, along_y, _ = epipolar_axes(projection)
+    along_x, along_y, _ = projection.line
 
     def asked(part: Field) -> Vector:
         return part[row, column].astype(float)

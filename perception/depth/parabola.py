@@ -59,7 +59,7 @@ class Quadric:
         return u, v, least
 
     def covariance(
-        self, noise_power: Field, epipolar_weight: Field | float = 0.0
+        self, noise_power: Field | float, epipolar_weight: Field | float = 0.0
     ) -> tuple[Field, Field, Field]:
         """The 2×2 covariance 2 s² H⁻¹ (uu, uv, vv): (2.11) along every direction at once.
 
@@ -68,7 +68,7 @@ class Quadric:
         vv, determinant = self._with_line(epipolar_weight)
         good = (determinant > 0) & (self.uu > 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            gain = select(good, 2 * noise_power / determinant, 0)
+            gain = select(good, np.float32(2) * noise_power / determinant, 0)
         return select(good, vv * gain, np.inf), -self.uv * gain, select(good, self.uu * gain, np.inf)
 
     def thinned(self, step: int) -> "Quadric":

@@ -31,7 +31,8 @@ class Settings:
     """What a match without any distinctness is uncertain by, beside everything else."""
     window_radius: int = 4
     """Half the window of the error surface: a tent of 9×9, which averages like a flat 7×7."""
-    equalisation: Equalisation = Equalisation.NORMALISED
+    equalisation: Equalisation = Equalisation.MEAN_RATIO
+    """What the literal match takes out of the window; the default's error surface always fits mean and contrast."""
     epipolar_std_px: float = 0.15
     """How far a match may lie off its epipolar line: the soft epipolar term as a standard deviation."""
     epipolar_weight: float = 5.0
@@ -40,7 +41,7 @@ class Settings:
     """Deviation of a confirmed match whose error surface shows no minimum."""
     bend_part: float = 0.5
     """Deviation where the surface bends within the window, as a part of how far it leaves the plane."""
-    jump_part: float = 0.1
+    jump_part: float = 0.2
     """Deviation beside a jump of the disparity, as a part of the jump."""
     void_part: float = 0.5
     """Deviation of a filled void, as a part of the spread of what stands around it."""
@@ -51,7 +52,7 @@ class Settings:
     membrane_iterations: int = 3
     repeated_part: float = 0.03
     """The part of a match's variance that the next pair repeats: what interpolation and the window's shape leave."""
-    drift: float = 0.0005
+    drift: float = 0.0004
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
     gate: float = 3.0
     """Standard deviations beyond which a prediction and a measurement are two surfaces."""

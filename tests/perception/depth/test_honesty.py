@@ -13,6 +13,7 @@ WHOLE: dict[str, Callable[[], Sequence]] = {
     "plane": slanted_plane,
     "plane with noise": lambda: slanted_plane(noise=2.0),
     "table-top": table_top,
+    "table-top, fine texture half-way between pixels": lambda: table_top(seed=5),
     "sea bed": lambda: sea_bed(size=(192, 144)),
 }
 """The scenes of docs/depth.md in their whole length; the sea bed smaller, for its rendering takes long."""

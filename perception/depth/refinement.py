@@ -1,0 +1,151 @@
+"""What is left of the disparity below the pixel, measured on the error surface, and its variance."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.bands import Band, bands, join_bands, share
+from perception.depth.epipolar import Epipolar
+from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
+from perception.depth.flatten import flatten_whole
+from perception.depth.quantile import median, robust_deviation
+from perception.depth.select import select
+from perception.depth.settings import Settings
+from perception.depth.view import View
+
+Field = NDArray[np.float32]
+
+FIRST_THINNING = 2
+"""Every second pixel, both ways, is enough for the first step, as the windows overlap."""
+LINE_THINNING = 3
+"""Every third pixel, both ways, is enough to judge the motion and the noise by."""
+LINE_SHARP_PX = 0.2
+"""Matches at least this sharp across their line tell how wrong the motion is."""
+LINE_SLACK = 1.2
+"""… when they stray by more than this many of their own standard deviations."""
+TYPICAL_PART = 1 / 3
+"""How far a window quieter than the median counts as that: its few pixels say by chance that there is no noise."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """What the error surfaces say, height × width: the disparity from which they were sampled, in planes; the rest
+    of it and its variance, px and px², NaN and ∞ where a surface has no minimum; |C|, the pixels a unit of inverse
+    depth is worth; and the variance, px², that the motion's error adds everywhere."""
+
+    start: Field
+    shift: Field
+    variance: Field
+    worth: Field
+    off_line: np.float32
+
+    def disparity(self, rows: slice, spacing: np.float32) -> tuple[Field, Field]:
+        """The refined disparity of some rows and its variance, in planes; NaN is a void."""
+        shift, worth = self.shift[rows], self.worth[rows] * spacing
+        with np.errstate(divide="ignore", invalid="ignore"):
+            variance = (self.variance[rows] + self.off_line) / (worth * worth)
+            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6 * spacing)
+            value = self.start[rows] + shift / worth
+        return select(found, value, np.nan), select(found, variance, np.nan)
+
+
+def refine(
+    base: View,
+    other: View,
+    geometry: Epipolar,
+    disparity: Field,
+    spacing: np.float32,
+    settings: Settings,
+    motion_error_px: float = 0.0,
+) -> Refinement:
+    """Measure what is left of the disparity on the error surface (2.8).
+
+    The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
+    covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
+    line would do to it is part of its variance. A step on fewer pixels comes first, for the expansion holds close
+    to the minimum and the windows must follow the slant.
+
+    Args:
+        disparity: where to begin, in planes `spacing` 1/m apart; what is found is within half a pixel of it.
+    """
+    height, width = base.shape
+    thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
+    across, across_spread = np.empty(thin, np.float32), np.empty(thin, np.float32)
+    soft, between = base.soft, other.between
+    first = disparity + _first_step(base, other, geometry, disparity, spacing, settings)
+    start = flatten_whole(first)
+
+    def measure(band: Band) -> tuple[Field, ...]:
+        window = BaseWindow(soft[band.outer], settings.window_radius, Window.TENT)
+        projection = geometry.project(start[band.outer] * spacing, band.outer)
+        surface = sample_surface(window, between, projection).rows(band.trim)
+        weight = line_weight(surface.value, window, settings)
+        shift, _, least = surface.minimum(weight)
+        spread, _, _ = surface.covariance(1.0, weight)
+        some = surface.thinned(LINE_THINNING)
+        rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
+        _, across[rows], _ = some.minimum()
+        _, _, across_spread[rows] = some.covariance(1.0)
+        return shift, spread, noise_power(least, window), projection.line[2][band.trim]
+
+    shift, spread, power, worth = join_bands(base.shape, measure, settings.window_radius)
+    some = power[::LINE_THINNING, ::LINE_THINNING]
+    known = np.isfinite(some)
+    if known.any():
+        power += np.float32(TYPICAL_PART) * np.maximum(np.float32(median(some[known])) - power, 0)
+    power *= np.float32(base.noise_weight)
+    stray = line_error(across, across_spread * some)
+    return Refinement(start, shift, spread * power, worth, np.float32(stray**2 + motion_error_px**2))
+
+
+def _first_step(
+    base: View, other: View, geometry: Epipolar, disparity: Field, spacing: np.float32, settings: Settings
+) -> Field:
+    """The step to the minimum, found at every second pixel, in planes; 0 where none is within half a pixel."""
+    height, width = base.shape
+    soft, between = base.soft, other.between
+    thin = np.empty((-(-height // FIRST_THINNING), -(-width // FIRST_THINNING)), np.float32)
+
+    def look(band: Band) -> None:
+        inner, outer = (
+            slice(rows.start // FIRST_THINNING, -(-rows.stop // FIRST_THINNING))
+            for rows in (band.inner, band.outer)
+        )
+        some = (slice(band.outer.start, band.outer.stop, FIRST_THINNING), slice(None, None, FIRST_THINNING))
+        radius = settings.window_radius // FIRST_THINNING
+        window = BaseWindow(np.ascontiguousarray(soft[some]), radius, Window.TENT)
+        projection = geometry.project(disparity[some] * spacing, some)
+        surface = sample_surface(window, between, projection)
+        shift, _, _ = surface.minimum(line_weight(surface.value, window, settings))
+        worth = projection.line[2] * spacing
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = (np.abs(shift) <= 0.5) & (worth > 1e-6 * spacing)
+            step = select(found, shift / worth, 0)
+        thin[inner] = step[inner.start - outer.start :][: inner.stop - inner.start]
+
+    share(look, bands(base.shape, settings.window_radius), height * width)
+    shrink = np.diag([1 / FIRST_THINNING, 1 / FIRST_THINNING, 1])[:2]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    step = cv2.warpAffine(thin, shrink, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(step, np.float32)
+
+
+def line_weight(value: Field, window: BaseWindow, settings: Settings) -> Field:
+    """λ_ep = s²/σ_ep² of the soft epipolar term."""
+    return noise_power(value, window) / np.float32(settings.epipolar_std_px**2)
+
+
+def line_error(across: Field, variance: Field) -> float:
+    """How far the matches lie off their epipolar lines beyond their own deviation: the error of the motion, px.
+
+    What the motion's error does across the lines it does along them too, where nothing shows it; so it is
+    added to the uncertainty of every match. A short baseline is then believed less than a long one.
+    """
+    sharp = (variance < LINE_SHARP_PX**2) & np.isfinite(across)
+    if np.count_nonzero(sharp) < 100:
+        return 0.0
+    stray = robust_deviation(across[sharp])
+    own = max(LINE_SLACK * float(np.sqrt(median(variance[sharp]))), 0.1)
+    return float(np.sqrt(max(stray**2 - own**2, 0.0)))
