@@ -25,7 +25,7 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     of the other picture meets.
     """
     half, double = np.diag([1 / THINNING, 1 / THINNING, 1.0]), np.diag([THINNING, THINNING, 1.0])
-    backward = np.linalg.inv([half @ geometry.homography(float(rho)) @ double for rho in planes])
+    backward = np.linalg.inv(half @ geometry.homographies(planes) @ double)
     thin = total[:, ::THINNING, ::THINNING]
     count, height, width = thin.shape
     seen = np.empty(thin.shape, np.int16)

@@ -126,12 +126,16 @@ class Epipolar:
         """Whether that part of the picture, or more, is seen in the other one from far away."""
         return bool(self.in_view(0.0, slice(None, None, 8)).mean() >= least)
 
-    def homography(self, inverse_depth: float) -> Matrix:
-        """Base pixels to pixels of the other view for the plane Z = 1/ρ: K (R + ρ t e₃ᵀ) K⁻¹."""
+    def homographies(self, inverse_depths: NDArray[np.float64]) -> Matrix:
+        """Base pixels to pixels of the other view for planes Z = 1/ρ, K (R + ρ t e₃ᵀ) K⁻¹; n × 3 × 3."""
         matrix, inverse = self._calibration
-        plane = self.motion.rotation.copy()
-        plane[:, 2] += inverse_depth * self.motion.translation
-        return np.asarray(matrix @ plane @ inverse)
+        planes = np.repeat(self.motion.rotation[None], len(inverse_depths), axis=0)
+        planes[:, :, 2] += inverse_depths[:, None] * self.motion.translation
+        return np.asarray(matrix @ planes @ inverse)
+
+    def homography(self, inverse_depth: float) -> Matrix:
+        """That of one plane, 3 × 3."""
+        return np.asarray(self.homographies(np.array([inverse_depth]))[0])
 
     def parallax(self, near: float, far: float) -> float:
         """The greatest displacement in pixels between a point at 1/near and one at 1/far (inverse depths)."""

@@ -134,8 +134,9 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
     def search(band: Band) -> tuple[Row, NDArray[np.float32]]:
         plane = cheapest(total[:, band.inner])
         middle = np.clip(plane, 1, count - 2)
+        place, flat = _places(total, middle, band.inner.start), total.reshape(-1)
         below, here, above = (
-            pick(total, middle + np.int16(step), band.inner.start).astype(np.float32) for step in (-1, 0, 1)
+            np.take(flat, place + step * height * width).astype(np.float32) for step in (-1, 0, 1)
         )
         curvature = below - 2 * here + above
         offset = np.float32(0.5) * (below - above) / np.maximum(curvature, np.float32(1))
@@ -158,8 +159,12 @@ def cheapest(costs: Volume) -> Row:
 
 def pick(volume: NDArray[Any], plane: Row, top: int = 0) -> NDArray[Any]:
     """What a volume (planes × height × width) holds on one plane for every pixel of the rows from `top` on."""
+    return np.take(volume.reshape(-1), _places(volume, plane, top))
+
+
+def _places(volume: NDArray[Any], plane: Row, top: int) -> NDArray[np.intp]:
     _, height, width = volume.shape
     index = plane.astype(np.intp)
     index *= height * width
     index += np.arange(top * width, top * width + plane.size).reshape(plane.shape)
-    return np.take(volume.reshape(-1), index)
+    return index

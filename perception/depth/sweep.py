@@ -45,11 +45,11 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
     # OpenCV warps four channels in little more time than one, and two in more than four.
     four, four_other = (cv2.merge((*slopes, *slopes)) for slopes in (base, other))
     costs = np.empty((len(planes), height, width), np.uint8)
+    homographies = geometry.homographies(planes)
     small, large = ((side, side) for side in WINDOWS)
 
     def compare(k: int) -> None:
-        homography = geometry.homography(float(planes[k]))
-        apart = cv2.absdiff(four, warp_plane(four_other, homography, cv2.INTER_LINEAR, FULL // 2))
+        apart = cv2.absdiff(four, warp_plane(four_other, homographies[k], cv2.INTER_LINEAR, FULL // 2))
         difference = cv2.addWeighted(cv2.extractChannel(apart, 0), 0.5, cv2.extractChannel(apart, 1), 0.5, 0)
         part = WORST / FULL / 2
         cv2.addWeighted(cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k])

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.quantile import quantiles
+
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -84,7 +86,8 @@ def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, 
     np.put(spread, flat, np.fmax.reduce(candidates) - np.fmin.reduce(candidates))
     np.put(reach, flat, distance)
     if lonely.any():
-        np.put(filled, flat[lonely], np.nanmedian(inverse_depth))
-        np.put(spread, flat[lonely], np.nanmax(inverse_depth) - np.nanmin(inverse_depth))
+        least, middle, most = quantiles(inverse_depth[~void], 0, 0.5, 1)
+        np.put(filled, flat[lonely], middle)
+        np.put(spread, flat[lonely], most - least)
         np.put(reach, flat[lonely], np.hypot(*inverse_depth.shape))
     return filled, spread, reach
