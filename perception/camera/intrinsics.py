@@ -87,7 +87,8 @@ class Intrinsics:
             )
         if not any(self.distortion):
             return image
-        return np.asarray(cv2.remap(image, *self._undistortion, cv2.INTER_LINEAR), np.uint8)
+        straight = cv2.remap(image, *self._undistortion, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(straight, np.uint8)
 
 
 def load_intrinsics(path: Path, table: str = "") -> Intrinsics:

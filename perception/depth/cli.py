@@ -40,7 +40,7 @@ def estimate(
     out: Path = typer.Option(help="Folder for maps, pictures, cloud.ply and table.csv."),
     camera: Path | None = typer.Option(
         None,
-        help="TOML with fx, fy, cx, cy in pixels.",
+        help="TOML with fx, fy, cx, cy in pixels, distortion if there is any.",
         show_default="camera.toml beside the pictures, or a 60° lens",
     ),
     motion: Path | None = typer.Option(

@@ -1,9 +1,6 @@
 """The pinhole camera, thesis (2.1)–(2.5)."""
 
-import tomllib
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,30 +41,3 @@ class Intrinsics:
         """A 60° lens with its axis in the middle, for pictures whose camera nobody measured."""
         focal = 0.5 * width / np.tan(np.radians(30.0))
         return cls(float(focal), float(focal), (width - 1) / 2, (height - 1) / 2)
-
-
-def read_intrinsics(path: Path) -> Intrinsics:
-    """Read `fx fy cx cy` (pixels) from a TOML file, at its top or in a table `[camera]`.
-
-    Raises:
-        ConfigError: file, key and what is wrong with it.
-    """
-    try:
-        content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML ({error})") from error
-    table = content.get("camera", content)
-    if not isinstance(table, dict):
-        raise ConfigError(f"{path}: [camera] must be a table")
-    values = {}
-    for key in ("fx", "fy", "cx", "cy"):
-        value = table.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ConfigError(f"{path}: {key} = {value!r}, a number of pixels is needed")
-        values[key] = float(value)
-    try:
-        return Intrinsics(**values)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error

@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.intrinsics import Intrinsics as Lens
 from perception.depth.accuracy import Accuracy, compare
 from perception.depth.errors import ConfigError, ImageError, MotionError
 from perception.depth.estimator import DepthFromMotion, DepthMap
-from perception.depth.intrinsics import Intrinsics, read_intrinsics
+from perception.depth.intrinsics import Intrinsics
+from perception.depth.lens import pinhole, read_lens, straighten
 from perception.depth.motion import Motion
 from perception.depth.motion_file import read_poses
 from perception.depth.picture import colour_depth
@@ -116,15 +118,16 @@ def make_plan(request: Request) -> Plan:
     return Plan([pictures[i] for i in chosen], motions, frame is not None)
 
 
-def find_camera(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Intrinsics:
-    """The camera file that was given or lies beside the pictures; else a guess, which is said."""
+def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Lens:
+    """The lens of the camera file that was given or lies beside the pictures; else a guess, which is said."""
     folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
     path = request.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
+    height, width = shape
     if path is not None:
-        return read_intrinsics(path)
-    camera = Intrinsics.guess(shape[1], shape[0])
-    warn(f"no camera given: a lens of 60° is assumed (fx = fy = {camera.fx:.0f} px)")
-    return camera
+        return read_lens(path, (width, height))
+    guess = Intrinsics.guess(width, height)
+    warn(f"no camera given: a lens of 60° is assumed (fx = fy = {guess.fx:.0f} px)")
+    return Lens(width, height, guess.fx, guess.fy, guess.cx, guess.cy)
 
 
 def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
@@ -136,7 +139,8 @@ def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
     settings, plan = settings_of(request), make_plan(request)
     first = read_picture(plan.pictures[0])
     shape = (first.shape[0], first.shape[1])
-    camera = find_camera(request, shape, warn)
+    lens = find_lens(request, shape, warn)
+    camera, first = pinhole(lens), straighten(lens, first)
     worth = None if request.reference_baseline is None else camera.fx * request.reference_baseline
     truth = (
         None
@@ -155,7 +159,7 @@ def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
     estimator.start(first)
     rows, image, result = [], first, None
     for path, motion in zip(plan.pictures[1:], plan.motions, strict=True):
-        picture = read_picture(path)
+        picture = straighten(lens, read_picture(path))
         begun = time.perf_counter()
         try:
             result = estimator.step(picture, motion)
