@@ -34,7 +34,7 @@ def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
     Args:
         shift_z: b, the third component of the motion's translation, m.
     """
-    value, cost = state.value[::4, ::4], state.cost[::4, ::4]
+    value, cost = state.value[::2, ::2], state.cost[::2, ::2]
     known = np.isfinite(value) & (cost < 1)
     if known.mean() <= KNOWN_PART:
         return None
