@@ -103,9 +103,15 @@ def take_out_noise(grey: Grey, noise: float) -> Grey:
     return np.asarray(window_mean(part, 1) * grey + window_mean(rest, 1), np.float32)
 
 
-def soften(grey: Grey) -> Grey:
-    """Take out the waves of less than four pixels, which no interpolation puts in the right place."""
-    return np.asarray(cv2.sepFilter2D(grey, cv2.CV_32F, SOFTENING, SOFTENING), np.float32)
+def soften(grey: Grey, more: float = 1.0) -> Grey:
+    """Take out the waves of less than four pixels, which no interpolation puts in the right place.
+
+    Args:
+        more: how many times the variance of the usual mask, ½ px², is wanted: .6 to 1.6.
+    """
+    side = SOFTENING[0] * np.float32(more)
+    mask = np.array([side, 1 - 2 * side, side], np.float32)
+    return np.asarray(cv2.sepFilter2D(grey, cv2.CV_32F, mask, mask), np.float32)
 
 
 def noise_weight(soft: Grey) -> float:

@@ -137,6 +137,12 @@ class Epipolar:
         """That of one plane, 3 × 3."""
         return np.asarray(self.homographies(np.array([inverse_depth]))[0])
 
+    def magnification(self, inverse_depth: float) -> float:
+        """How many pixels of the other view one of this makes in its middle, 1/q₃; at least ⅝ and at most 1.6."""
+        height, width = self.shape
+        scale = float(self.homography(inverse_depth)[2] @ (width / 2, height / 2, 1))
+        return 1 / min(max(scale, 0.625), 1.6)
+
     def parallax(self, near: float, far: float) -> float:
         """The greatest displacement in pixels between a point at 1/near and one at 1/far (inverse depths)."""
         height, width = self.shape

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.bands import Band, bands, join_bands, share
+from perception.depth.contrast import soften
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.flatten import flatten_whole
+from perception.depth.interpolation import Between
 from perception.depth.quantile import median, robust_deviation
 from perception.depth.select import select
 from perception.depth.settings import Settings
@@ -25,6 +27,8 @@ LINE_SHARP_PX = 0.2
 """Matches at least this sharp across their line tell how wrong the motion is."""
 LINE_SLACK = 1.2
 """… when they stray by more than this many of their own standard deviations."""
+SAME_SCALE = 0.003
+"""Views whose scales differ by less than this part are softened alike."""
 TYPICAL_PART = 1 / 3
 """How far a window quieter than the median counts as that: its few pixels say by chance that there is no noise."""
 
@@ -73,8 +77,8 @@ def refine(
     height, width = base.shape
     thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
     across, across_spread = np.empty(thin, np.float32), np.empty(thin, np.float32)
-    soft, between = base.soft, other.between
-    first = disparity + _first_step(base, other, geometry, disparity, spacing, settings)
+    soft, between = _of_one_scale(base, other, geometry, median(disparity[::4, ::4]) * float(spacing))
+    first = disparity + _first_step(soft, between, geometry, disparity, spacing, settings)
     start = flatten_whole(first)
 
     def measure(band: Band) -> tuple[Field, ...]:
@@ -100,12 +104,28 @@ def refine(
     return Refinement(start, shift, spread * power, worth, np.float32(stray**2 + motion_error_px**2))
 
 
+def _of_one_scale(base: View, other: View, geometry: Epipolar, inverse_depth: float) -> tuple[Field, Between]:
+    """The two pictures, softened so that they are alike where the other one shows the same things larger.
+
+    A blur of variance σ² in each would be one of σ²s² and of σ² on the scale of the other one, and what they differ by
+    repeats from pair to pair. So the one is softened by σ²/s and the other by σ²s, s the magnification.
+    """
+    scale = geometry.magnification(inverse_depth)
+    if abs(scale - 1) < SAME_SCALE:
+        return base.soft, other.between
+    return soften(base.grey, 1 / scale), Between(soften(other.grey, scale))
+
+
 def _first_step(
-    base: View, other: View, geometry: Epipolar, disparity: Field, spacing: np.float32, settings: Settings
+    soft: Field,
+    between: Between,
+    geometry: Epipolar,
+    disparity: Field,
+    spacing: np.float32,
+    settings: Settings,
 ) -> Field:
     """The step to the minimum, found at every second pixel, in planes; 0 where none is within half a pixel."""
-    height, width = base.shape
-    soft, between = base.soft, other.between
+    height, width = shape = geometry.shape
     thin = np.empty((-(-height // FIRST_THINNING), -(-width // FIRST_THINNING)), np.float32)
 
     def look(band: Band) -> None:
@@ -125,7 +145,7 @@ def _first_step(
             step = select(found, shift / worth, 0)
         thin[inner] = step[inner.start - outer.start :][: inner.stop - inner.start]
 
-    share(look, bands(base.shape, settings.window_radius), height * width)
+    share(look, bands(shape, settings.window_radius), height * width)
     shrink = np.diag([1 / FIRST_THINNING, 1 / FIRST_THINNING, 1])[:2]
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     step = cv2.warpAffine(thin, shrink, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)

@@ -7,7 +7,7 @@ import pytest
 
 from perception.depth.settings import DEFAULT
 from tools.depth.score import run_sequence, score_map
-from tools.depth_scenes import Sequence, sea_bed, slanted_plane, table_top
+from tools.depth_scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 
 WHOLE: dict[str, Callable[[], Sequence]] = {
     "plane": slanted_plane,
@@ -15,6 +15,7 @@ WHOLE: dict[str, Callable[[], Sequence]] = {
     "table-top": table_top,
     "table-top, fine texture half-way between pixels": lambda: table_top(seed=5),
     "sea bed": lambda: sea_bed(size=(192, 144)),
+    "a floor and a wall, the camera going forward and turning": approach,
 }
 """The scenes of docs/depth.md in their whole length; the sea bed smaller, for its rendering takes long."""
 OTHERS: dict[str, Callable[[int], Sequence]] = {
