@@ -15,6 +15,8 @@ from perception.depth.select import select
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+VAGUER = 10.0
+"""A measurement with so many times the prediction's deviation tells of no other surface within its own doubt."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,9 @@ def fuse(
     with s = P + Q − 2κ√(P Q) and k = (P − κ√(P Q))/s. B = κ = 0 is the filter of the thesis, 1/P⁺ = 1/P⁻ + 1/R.
 
     A measurement that was confirmed both ways (`sure`) is averaged with the prediction when they agree within
-    `gate` standard deviations and within `reach` (1/m); otherwise they are two surfaces and it replaces it. One
-    that was not confirmed only stands where nothing is known or only a worse guess.
+    `gate` standard deviations and within `reach` (1/m). Otherwise they are two surfaces and it replaces it, unless
+    they agree by nothing but its own vagueness (`VAGUER`), as on an edge along the motion: then the prediction stays.
+    One that was not confirmed only stands where nothing is known or only a worse guess.
 
     Args:
         repeated: B, (1/m)²; 0 by default.
@@ -118,12 +121,13 @@ def _fuse(
         before, now = predicted.variance - repeats, measured.variance - repeats
         common = shared * np.sqrt(before * now)
         combined = np.maximum(before + now - 2 * common, np.float32(1e-12))
-        agree = known & (gap * gap <= np.minimum(np.float32(gate**2) * combined, reach * reach))
+        possible = known & ~guess & (gap * gap <= np.float32(gate**2) * combined)
+        holds = (np.abs(gap) <= reach) | (measured.variance > np.float32(VAGUER**2) * predicted.variance)
         gain = (before - common) / combined
         left = repeats + (1 - np.square(shared)) * before * now / combined
         better = ~known | (guess & (measured.variance < predicted.variance))
-    average = sure & agree & ~guess
-    replace = np.isfinite(measured.value) & ((sure & ~average) | (~sure & better))
+    average = sure & possible & (np.abs(gap) <= reach)
+    replace = np.isfinite(measured.value) & ((sure & ~(possible & holds)) | (~sure & better))
     return tuple(
         select(average, mean, select(replace, new, old))
         for mean, new, old in (

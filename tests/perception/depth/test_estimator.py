@@ -70,6 +70,13 @@ def test_horizontal_edges_become_sharp_when_the_motion_turns_vertical() -> None:
     # less than the turn brings and more than chance
     assert upward.mean_error < 0.5 * sideways.mean_error
     assert upward.median_error < 0.5 * sideways.median_error
+    # and upright ones, along which the camera now moves, keep what they were known by
+    kept, seen = (
+        score_map(found, s.truth[-1], edge_masks(s, along_x=False)[-1])
+        for found, s in ((after_turn, turned), (without, straight))
+    )
+    assert kept.median_error < 3 * seen.median_error
+    assert kept.stated < 3 * seen.stated
 
 
 def test_table_top_is_whole_and_right() -> None:

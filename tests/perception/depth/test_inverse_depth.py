@@ -62,6 +62,19 @@ def test_another_surface_replaces_and_is_not_averaged():
     assert fused.variance == pytest.approx(np.full(SHAPE, 1e-4))
 
 
+@pytest.mark.parametrize(
+    ("deviation", "gap", "stays"), [(0.2, 0.3, True), (0.2, 0.7, False), (0.05, 0.1, False)]
+)
+def test_a_match_that_is_vague_by_itself_denies_no_sharp_prediction(
+    deviation: float, gap: float, stays: bool
+) -> None:
+    # an edge along the motion: 20 times the prediction's deviation and far off, but not farther than it may be
+    reach = np.full(SHAPE, 0.02, np.float32)
+    fused = fuse(state(0.5, 0.01**2), state(0.5 + gap, deviation**2), SURE, 3.0, reach)
+    assert fused.value == pytest.approx(np.full(SHAPE, 0.5 if stays else 0.5 + gap), rel=1e-5)
+    assert fused.variance == pytest.approx(np.full(SHAPE, 0.01**2 if stays else deviation**2), rel=1e-5)
+
+
 def test_the_noise_of_a_picture_in_two_pairs_is_counted_once() -> None:
     # n₁ − n₀ and n₂ − n₁, each of variance 2s, have the correlation −½; their mean is (n₂ − n₀)/2 of variance s/2
     rng = np.random.default_rng(2)
