@@ -119,7 +119,9 @@ def match_pair(
             np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift
         )
         cost = select(choice.sure[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
-        repeated = select(refined, np.float32(settings.repeated_part) * variance + bent, 0)
+        # What four springs lend a pixel of its neighbours they lend again in the next pair.
+        lent = variance / (variance + np.float32(settings.strength / 4))
+        repeated = select(refined, (lent + np.float32(settings.repeated_part)) * variance + bent, 0)
         square = choice.spacing**2
         settled = (
             np.maximum(regular, 0) * choice.spacing,

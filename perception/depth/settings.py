@@ -50,7 +50,7 @@ class Settings:
     strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 3
-    repeated_part: float = 0.03
+    repeated_part: float = 0.025
     """The part of a match's variance that the next pair repeats: what interpolation and the window's shape leave."""
     drift: float = 0.0004
     """Process noise: standard deviation that a step of the motion adds, as a part of the depth."""
