@@ -149,7 +149,7 @@ def draw_light(path: Path, tables: dict[str, dict[str, dict[str, float]]]) -> No
     """Bad pixels by light and preset, one panel a scene."""
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(
-            1, len(tables), figsize=(3.9 * len(tables) + 0.8, 3.5), layout="constrained", squeeze=False
+            1, len(tables), figsize=(5 * len(tables) + 0.8, 3.5), layout="constrained", squeeze=False
         )
         for axes, (scene, table) in zip(panels[0], tables.items(), strict=True):
             lights = list(next(iter(table.values())))
