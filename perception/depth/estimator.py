@@ -16,6 +16,7 @@ from perception.depth.literal_match import match_literally
 from perception.depth.matching import match_pair
 from perception.depth.motion import Motion
 from perception.depth.motion_correction import correct_motion
+from perception.depth.quantile import median
 from perception.depth.search_range import expected_range, widest_range, with_margin
 from perception.depth.settings import DEFAULT, Settings
 from perception.depth.view import View
@@ -26,6 +27,8 @@ LEAST_PARALLAX_PX = 0.5
 """A motion that moves no point nearer than `near` by this much tells nothing about depth."""
 KEPT_PARALLAX_PX = 12.0
 """While the motion strays, a picture is kept until the median depth has moved by this much against it."""
+LEAST_SIDE = 16
+"""Smaller pictures hold no windows, pixels."""
 LEAST_OVERLAP = 0.6
 """A picture is not kept when less than this part of the newest is confirmed by it, or could be."""
 
@@ -120,8 +123,17 @@ class DepthFromMotion:
         return self._state
 
     def start(self, image: NDArray[np.uint8]) -> DepthMap:
-        """Take the first picture."""
-        self._kept = _Kept(View(as_grey(image)))
+        """Take the first picture.
+
+        Raises:
+            ImageError: it is no picture, or too small to hold a window.
+        """
+        view = View(as_grey(image))
+        if min(view.shape) < LEAST_SIDE:
+            raise ImageError(
+                f"a picture of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
+            )
+        self._kept = _Kept(view)
         self._colour = image.ndim == 3
         shape = self._kept.view.shape
         self._state = self._presumed(shape) if self.settings.literal else InverseDepth.unknown(shape)
@@ -172,7 +184,8 @@ class DepthFromMotion:
         )
         confirmed = float(match.sure.mean())
         kept.unmeasured = Motion.identity()
-        middle = float(np.nanmedian(self._state.value[::4, ::4]))
+        some = self._state.value[::4, ::4]
+        middle = median(some[np.isfinite(some)]) if np.isfinite(some).any() else 0.0
         far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
             self._kept = _Kept(view, seen_from=pair.translation)

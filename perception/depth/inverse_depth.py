@@ -42,7 +42,7 @@ class InverseDepth:
     @property
     def depth_std(self) -> Field:
         """σ_Z = √P/ρ² in metres."""
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.asarray(np.sqrt(self.variance) / (self.value * self.value), np.float32)
 
     def rows(self, rows: slice) -> "InverseDepth":
@@ -115,7 +115,7 @@ def _fuse(
 ) -> tuple[Field, ...]:
     known = np.isfinite(predicted.value)
     guess = known & (predicted.cost >= 1)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         gap = measured.value - predicted.value
         repeats = np.minimum(np.minimum(predicted.variance, measured.variance), repeated)
         before, now = predicted.variance - repeats, measured.variance - repeats

@@ -37,6 +37,12 @@ class Match:
     repeated: Field
     refined: Mask
 
+    @classmethod
+    def void(cls, shape: tuple[int, int]) -> "Match":
+        """A pair of which nothing was confirmed."""
+        none, zero = np.zeros(shape, bool), np.zeros(shape, np.float32)
+        return cls(InverseDepth.unknown(shape), none, zero, zero, none)
+
 
 def jump_height(disparity: Field, radius: int) -> Field:
     """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
@@ -74,6 +80,8 @@ def match_pair(
         motion_error_px: by how much the motion is expected to shift a match along its line.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
+    if not choice.sure.any():
+        return Match.void(base.shape)
     kept = select(choice.sure, choice.inverse_depth / choice.spacing, np.nan)
     level = ~choice.sure
     slope = geometry.project(choice.inverse_depth[level], level)

@@ -93,10 +93,9 @@ def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
     error, information = _explain(strays, np.zeros(6), prior, own)
     corrected = _apply(error, given)
     # A surface sampled far from its minimum overshoots it: sampled once more where the first answer leads.
-    strays = _find_strays(
-        coarse, Epipolar(coarse.geometry.camera, corrected, coarse.geometry.shape), settings
-    )
-    if len(strays.off_line) >= FEWEST:
+    again = _find_strays(coarse, Epipolar(coarse.geometry.camera, corrected, coarse.geometry.shape), settings)
+    if len(again.off_line) >= FEWEST:
+        strays = again
         error, information = _explain(strays, error, prior, own)
         corrected = _apply(error, given)
     spread = np.einsum("ni,ij,nj->n", strays.along, np.linalg.inv(information), strays.along)

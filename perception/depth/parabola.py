@@ -18,7 +18,7 @@ def fit_parabola(below: Field, here: Field, above: Field, step: float = 1.0) -> 
     """
     curvature = (below - 2 * here + above) / np.float32(step**2)
     slope = (above - below) / np.float32(2 * step)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         offset = np.where(curvature > 0, -slope / curvature, np.float32(np.nan))
         offset = np.where(np.abs(offset) <= step / 2, offset, np.float32(np.nan))
         least = here - np.float32(0.5) * curvature * offset * offset
@@ -30,7 +30,7 @@ def disparity_variance(least: Field, curvature: Field, pixels: int) -> Field:
 
     As printed, q''⁻² q, the unit is px⁴ per grey level squared. N is the number of pixels of the window.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(curvature > 0, 2 * least / ((pixels - 1) * curvature), np.float32(np.inf))
 
 
@@ -51,7 +51,7 @@ class Quadric:
     def minimum(self, epipolar_weight: Field | float = 0.0) -> tuple[Field, Field, Field]:
         """Place (u, v) of the minimum and the value there; NaN where the surface has none."""
         vv, determinant = self._with_line(epipolar_weight)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             good = (determinant > 0) & (self.uu > 0)
             u = select(good, (self.uv * self.slope_v - vv * self.slope_u) / determinant, np.nan)
             v = select(good, (self.uv * self.slope_u - self.uu * self.slope_v) / determinant, np.nan)
@@ -67,9 +67,9 @@ class Quadric:
         """
         vv, determinant = self._with_line(epipolar_weight)
         good = (determinant > 0) & (self.uu > 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             gain = select(good, np.float32(2) * noise_power / determinant, 0)
-        return select(good, vv * gain, np.inf), -self.uv * gain, select(good, self.uu * gain, np.inf)
+            return select(good, vv * gain, np.inf), -self.uv * gain, select(good, self.uu * gain, np.inf)
 
     def thinned(self, step: int) -> "Quadric":
         """Every `step`-th pixel both ways."""

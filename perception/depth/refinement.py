@@ -48,7 +48,7 @@ class Refinement:
     def disparity(self, rows: slice, spacing: np.float32) -> tuple[Field, Field]:
         """The refined disparity of some rows and its variance, in planes; NaN is a void."""
         shift, worth = self.shift[rows], self.worth[rows] * spacing
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             variance = (self.variance[rows] + self.off_line) / (worth * worth)
             found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6 * spacing)
             value = self.start[rows] + shift / worth
@@ -140,7 +140,7 @@ def _first_step(
         surface = sample_surface(window, between, projection)
         shift, _, _ = surface.minimum(line_weight(surface.value, window, settings))
         worth = projection.line[2] * spacing
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found = (np.abs(shift) <= 0.5) & (worth > 1e-6 * spacing)
             step = select(found, shift / worth, 0)
         thin[inner] = step[inner.start - outer.start :][: inner.stop - inner.start]

@@ -93,7 +93,8 @@ def admit_prediction(
         )
         known = np.isfinite(value) & (lowest < 1)
         place = select(known, (value - np.float32(planes[0])) / np.float32(spacing), 0)
-        spread = select(known, variance / np.float32(spacing**2), 0) + np.float32(0.25)
+        with np.errstate(over="ignore"):
+            spread = select(known, variance / np.float32(spacing**2), 0) + np.float32(0.25)
         slope = np.sqrt(np.float32(stiffness * WORST) / spread)
         floor = select(known, lowest, 1) * worst
         away, cost = np.empty_like(place), np.empty(place.shape, np.uint8)

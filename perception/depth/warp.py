@@ -68,7 +68,7 @@ def warp_map(
             weight * weight * variance[chosen] if independent else weight * np.sqrt(variance[chosen]),
             size,
         )
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         spread = variances / weights**2 if independent else (variances / weights) ** 2
         return InverseDepth(
             np.where(weights > 0, values / weights, np.nan).reshape(height, width).astype(np.float32),
