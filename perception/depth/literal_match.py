@@ -17,6 +17,7 @@ from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane, relaxed_variance
 from perception.depth.parabola import disparity_variance, fit_parabola
 from perception.depth.pyramid import build_pyramid, enlarge
+from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
 
 Field = NDArray[np.float32]
@@ -80,7 +81,9 @@ def _reach(geometry: Epipolar, predicted: Projection, settings: Settings) -> int
     for rho in (1 / settings.near, 1 / settings.far):
         end = geometry.project(rho)
         distance = np.maximum(np.abs(end.x - predicted.x), np.abs(end.y - predicted.y))
-        widest = max(widest, float(np.nanpercentile(distance, 95)))
+        ahead = distance[np.isfinite(distance)]
+        if ahead.size:
+            widest = max(widest, *quantiles(ahead, 0.95))
     return int(min(np.ceil(widest), WIDEST_SEARCH))
 
 

@@ -10,6 +10,7 @@ from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
+from perception.depth.settings import PRESETS
 
 Random = np.random.Generator
 PICTURES: dict[str, Callable[[Random, tuple[int, int]], np.ndarray]] = {
@@ -24,14 +25,15 @@ PICTURES: dict[str, Callable[[Random, tuple[int, int]], np.ndarray]] = {
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", PICTURES)
-def test_any_pictures_with_any_motion_give_a_map_with_variances(kind: str) -> None:
+@pytest.mark.parametrize(("preset", "cases"), [("default", 12), ("thesis", 4)])
+def test_any_pictures_with_any_motion_give_a_map_with_variances(preset: str, cases: int, kind: str) -> None:
     rng = np.random.default_rng(list(PICTURES).index(kind))
-    for case in range(12):
+    for case in range(cases):
         height, width = (int(side) for side in rng.integers(16, 120, 2))
         focal = width * rng.uniform(0.3, 3, 2)
         centre = width * rng.uniform(-1, 2) if case % 5 == 0 else width / 2
         camera = Intrinsics(float(focal[0]), float(focal[1]), float(centre), height / 2)
-        estimator = DepthFromMotion(camera, anchored=case % 3 == 0)
+        estimator = DepthFromMotion(camera, PRESETS[preset], anchored=case % 3 == 0)
         estimator.start(PICTURES[kind](rng, (height, width)))
         for _ in range(3):
             turn, way = (rng.normal(0, 10 ** rng.uniform(-4, most), 3) for most in (0.5, 2.0))
