@@ -138,7 +138,7 @@ def _run(request: "Request", count: int) -> list["Row"]:
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     rows: list[Row] = []
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("depth", total=count)
         for row in run(request, lambda text: console.print(text, style="yellow", highlight=False)):
             rows.append(row)
