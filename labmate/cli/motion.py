@@ -69,7 +69,7 @@ def stop(context: typer.Context) -> None:
     options: Options = context.obj
 
     async def body() -> BaseSnapshot:
-        async with options.base() as (base, _):
+        async with options.base(to_stop=True) as (base, _):
             return await base.stop()
 
     _tell(options, options.run(body), "stands at")
@@ -85,9 +85,9 @@ def estop(context: typer.Context) -> None:
         from medusa.link import Line
 
         if options.sim:
-            async with options.base() as (base, _):
+            async with options.base(to_stop=True) as (base, _):
                 return await base.emergency_stop()
-        config = options.base_config()
+        config = options.config_to_stop_by()
         port = options.port_of(config)
         trace = options.open_trace()
         async with AsyncExitStack() as stack:

@@ -127,6 +127,21 @@ class Options:
             return read_config(Path(DEFAULT_FILE))
         return None
 
+    def config_to_stop_by(self) -> BaseConfig | None:
+        """The configuration; a wrong one is said and passed over where the port is named: no file prevents a stop.
+
+        Raises ConfigError when the port is not named.
+        """
+        from medusa.errors import ConfigError
+
+        try:
+            return self.base_config()
+        except ConfigError as error:
+            if self.port is None:
+                raise
+            self.say(f"{error}; stopping without it")
+            return None
+
     def calibration_file(self) -> CalibrationFile | None:
         """The calibration that was asked for on the command line. Raises ConfigError."""
         from labmate.config import read_calibration
@@ -153,14 +168,15 @@ class Options:
         return Trace(self.trace)
 
     @asynccontextmanager
-    async def base(self) -> AsyncIterator[tuple[Base, SimulatedBase | None]]:
-        """The base, emulated or real, connected and standing."""
+    async def base(self, *, to_stop: bool = False) -> AsyncIterator[tuple[Base, SimulatedBase | None]]:
+        """The base, emulated or real, connected and standing; `to_stop` it neither file is needed."""
         from labmate.base import open_base
         from medusa.errors import CommandError
 
         if self.sim and self.port is not None:
             raise CommandError("--sim brings its own port: leave --port out")
-        config, calibration = self.base_config(), self.calibration_file()
+        config = self.config_to_stop_by() if to_stop else self.base_config()
+        calibration = None if to_stop else self.calibration_file()
         port = None if self.sim else self.port_of(config)
         trace = self.open_trace()
         async with AsyncExitStack() as stack:

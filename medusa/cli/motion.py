@@ -174,10 +174,17 @@ def estop(context: typer.Context) -> None:
 
 async def _latch_unheard(options: Options) -> None:
     """Send the emergency stop before any greeting: boards that cannot be heard may still hear."""
-    from medusa.errors import NoReply
+    from medusa.errors import ConfigError, NoReply
     from medusa.link import Line
 
-    config = options.head_config()
+    try:
+        config = options.head_config()
+    except ConfigError as error:
+        if options.boards is not None and not options.sim:
+            async with Line(options.boards) as line:
+                await line.emergency_stop()
+            error.add_note(f"the emergency stop went out to all of {options.boards}, and cannot be confirmed")
+        raise
     path = options.boards or (config.ports.boards if config is not None else None)
     if options.sim or config is None or path is None:
         return

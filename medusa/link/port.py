@@ -14,6 +14,7 @@ import termios
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Final
 
 import serial
@@ -210,7 +211,7 @@ def _reason(path: str, error: Exception) -> str:
         group = _group_of(path)
         return f"permission denied (the port belongs to group {group}: add yourself to it)"
     if number in (errno.EBUSY, errno.EAGAIN):
-        return "busy: another program has it open"
+        return f"busy: {_holder_of(path)} has it open"
     if number == errno.ENOTTY:
         return "not a serial port"
     return os.strerror(number) if number else str(error)
@@ -220,3 +221,17 @@ def _group_of(path: str) -> str:
     with suppress(KeyError, OSError):
         return grp.getgrgid(os.stat(path).st_gid).gr_name
     return "?"
+
+
+def _holder_of(path: str) -> str:
+    """Name and number of the process that has locked the port, as far as /proc tells."""
+    with suppress(OSError):
+        port = os.stat(path)
+        number = f"{os.major(port.st_dev):02x}:{os.minor(port.st_dev):02x}:{port.st_ino}"
+        for line in Path("/proc/locks").read_text().splitlines():
+            # 1: FLOCK  ADVISORY  WRITE 1234 00:1a:5 0 EOF
+            lock = line.split()
+            if number in lock:
+                process = lock[lock.index(number) - 1]
+                return f"{Path(f'/proc/{process}/comm').read_text().strip()} (process {process})"
+    return "another program"

@@ -232,3 +232,20 @@ def test_a_servo_board_on_the_port_is_named_in_one_line(links: Path) -> None:
     assert said.returncode == 4
     assert said.stderr.count("\n") == 1
     assert "at 01H answers an MC3000 servo board" in said.stderr
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("command", ["stop", "estop"])
+def test_a_wrong_file_here_keeps_no_base_from_stopping(links: Path, tmp_path: Path, command: str) -> None:
+    (tmp_path / "labmate.toml").write_text("limits = \n")
+    said = subprocess.run(
+        [BIN / "labmate-drive", "--port", links / "labmate", command],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    assert said.returncode == 0
+    assert said.stderr.startswith("labmate.toml: ")
+    assert said.stderr.endswith("; stopping without it\n")
+    assert truth(links)["emergency_stop"] is (command == "estop")
