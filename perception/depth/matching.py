@@ -45,10 +45,15 @@ class Match:
 
 
 def jump_height(disparity: Field, radius: int) -> Field:
-    """Greatest difference of the disparity within the window, beyond the pixel that a slanted surface may take."""
+    """Greatest step between neighbours within the window, beyond the pixel by which planes or a slant may differ."""
+    step = np.zeros_like(disparity)
+    right, down = np.abs(np.diff(disparity, axis=1)), np.abs(np.diff(disparity, axis=0))
+    for side in (step[:, 1:], step[:, :-1]):
+        np.maximum(side, right, out=side)
+    for side in (step[1:], step[:-1]):
+        np.maximum(side, down, out=side)
     window = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
-    spread = np.asarray(cv2.dilate(disparity, window) - cv2.erode(disparity, window), np.float32)
-    return np.maximum(spread - 1, np.float32(0))
+    return np.maximum(np.asarray(cv2.dilate(step, window), np.float32) - 1, np.float32(0))
 
 
 def bend(disparity: Field, radius: int) -> Field:
