@@ -41,7 +41,7 @@ class Settings:
     """Deviation of a confirmed match whose error surface shows no minimum."""
     bend_part: float = 0.5
     """Deviation where the surface bends within the window, as a part of how far it leaves the plane."""
-    jump_part: float = 0.2
+    jump_part: float = 0.3
     """Deviation beside a jump of the disparity, as a part of the jump."""
     void_part: float = 0.5
     """Deviation of a filled void, as a part of the spread of what stands around it."""
