@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from perception.depth.bands import join_bands, share
 from perception.depth.epipolar import Epipolar
+from perception.depth.plane_warp import find_shift, shift_picture, warp_picture
 from perception.depth.scanline import Volume, cheapest
-from perception.depth.sweep import warp_plane
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -31,7 +31,11 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     seen = np.empty(thin.shape, np.int16)
 
     def turn(k: int) -> None:
-        seen[k] = warp_plane(np.ascontiguousarray(thin[k]), backward[k], cv2.INTER_NEAREST, NO_VIEW)
+        picture, shift = np.ascontiguousarray(thin[k]), find_shift(backward[k])
+        if shift is None:
+            seen[k] = warp_picture(picture, backward[k], cv2.INTER_NEAREST, NO_VIEW)
+        else:
+            seen[k] = shift_picture(picture, round(shift[0]), round(shift[1]), NO_VIEW)
 
     share(turn, range(count), height * width)
     (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner]),))

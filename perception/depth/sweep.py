@@ -5,8 +5,6 @@ the equalised slopes is summed over the window φ of (2.6). The candidates of a 
 points of its epipolar line.
 """
 
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +12,11 @@ from numpy.typing import NDArray
 from perception.depth.bands import Band, bands, share
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
+from perception.depth.plane_warp import find_shift, shift_picture, warp_picture
 from perception.depth.select import select
 
 Bytes = NDArray[np.uint8]
 Volume = NDArray[np.uint8]
-Matrix = NDArray[np.float64]
-Picture = NDArray[Any]
 
 WORST = 102
 """The greatest cost of a pixel: two slopes that differ by the whole range. 2½ times as much is a byte, which is what
@@ -49,29 +46,21 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
     small, large = ((side, side) for side in WINDOWS)
 
     def compare(k: int) -> None:
-        apart = cv2.absdiff(four, warp_plane(four_other, homographies[k], cv2.INTER_LINEAR, FULL // 2))
-        difference = cv2.addWeighted(cv2.extractChannel(apart, 0), 0.5, cv2.extractChannel(apart, 1), 0.5, 0)
+        shift = find_shift(homographies[k])
+        if shift is None:
+            apart = cv2.absdiff(four, warp_picture(four_other, homographies[k], cv2.INTER_LINEAR, FULL // 2))
+            across, down = cv2.extractChannel(apart, 0), cv2.extractChannel(apart, 1)
+        else:
+            across, down = (
+                cv2.absdiff(here, shift_picture(there, *shift, FULL // 2))
+                for here, there in zip(base, other, strict=True)
+            )
+        difference = cv2.addWeighted(across, 0.5, down, 0.5, 0)
         part = WORST / FULL / 2
         cv2.addWeighted(cv2.blur(difference, small), part, cv2.blur(difference, large), part, 0, dst=costs[k])
 
     share(compare, range(len(planes)), height * width)
     return costs
-
-
-def warp_plane(image: Picture, homography: Matrix, interpolation: int, outside: int) -> Picture:
-    """The picture seen through a homography from the result's pixels to the picture's; `outside` where it ends."""
-    size = (image.shape[1], image.shape[0])
-    flags = interpolation | cv2.WARP_INVERSE_MAP
-    border, value = cv2.BORDER_CONSTANT, (outside,) * 4
-    # A camera that neither turns nor moves forward gives affine maps, which cost less.
-    if np.abs(homography[2] / homography[2, 2] - (0, 0, 1)).max() < 1e-12:
-        affine = homography[:2] / homography[2, 2]
-        return np.asarray(
-            cv2.warpAffine(image, affine, size, flags=flags, borderMode=border, borderValue=value)
-        )
-    return np.asarray(
-        cv2.warpPerspective(image, homography, size, flags=flags, borderMode=border, borderValue=value)
-    )
 
 
 def admit_prediction(
