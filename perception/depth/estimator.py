@@ -14,6 +14,7 @@ from perception.depth.intrinsics import Intrinsics
 from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.literal_match import match_literally
 from perception.depth.matching import match_pair
+from perception.depth.memory import keep_freed_memory
 from perception.depth.motion import Motion
 from perception.depth.motion_correction import correct_motion
 from perception.depth.quantile import median
@@ -133,6 +134,7 @@ class DepthFromMotion:
             raise ImageError(
                 f"a picture of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
             )
+        keep_freed_memory()
         self._kept = _Kept(view)
         self._colour = image.ndim == 3
         shape = self._kept.view.shape
