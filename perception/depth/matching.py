@@ -62,7 +62,8 @@ def bend(disparity: Field, radius: int) -> Field:
     across = disparity[radius:-radius, : -2 * radius] + disparity[radius:-radius, 2 * radius :]
     down = disparity[: -2 * radius, radius:-radius] + disparity[2 * radius :, radius:-radius]
     inner = np.sqrt(np.square(across / 2 - middle) + np.square(down / 2 - middle))
-    return np.pad(inner, radius, mode="edge").astype(np.float32)
+    whole = cv2.copyMakeBorder(inner, radius, radius, radius, radius, cv2.BORDER_REPLICATE)
+    return np.asarray(whole, np.float32)
 
 
 def match_pair(

@@ -92,8 +92,8 @@ def admit_prediction(
             away *= slope
             away *= away
             away += floor
-            np.minimum(away, worst, out=away)
-            np.copyto(cost, away, casting="unsafe")
+            # To whole numbers, 255 at the most: more than any cost of a pixel.
+            cv2.convertScaleAbs(away, dst=cost)
             np.minimum(costs[k, band.inner], cost, out=admitted[k, band.inner])
 
     share(admit, bands(costs.shape[1:]), costs[0].size)

@@ -102,13 +102,13 @@ def held(table: Sequence, motions: list[Motion]) -> float:
 
 
 def test_depth_gains_from_the_correction(table: Sequence, monkeypatch: pytest.MonkeyPatch) -> None:
-    motions = [shaken(table, seed) for seed in (1, 2, 3)]
+    motions = [shaken(table, seed) for seed in range(1, 7)]
     corrected = np.mean([held(table, m) for m in motions])
     monkeypatch.setattr("perception.depth.motion_correction.SLACK", np.inf)
     as_given = np.mean([held(table, m) for m in motions])
-    # pitch and roll are seen across the lines, but so is what looks like them: a rise, a step forward. A tenth is more
-    # than chance in three sequences, of which each gains.
-    assert corrected < 0.9 * as_given
+    # pitch and roll are seen across the lines, but so is what looks like them, a rise or a step forward; a single
+    # sequence may lose, and twelve of them have half the error
+    assert corrected < 0.75 * as_given
 
 
 def test_a_straying_motion_keeps_the_picture_until_the_baseline_is_long() -> None:
