@@ -30,7 +30,7 @@ LINE_SLACK = 1.2
 SAME_SCALE = 0.003
 """Views whose scales differ by less than this part are softened alike."""
 TYPICAL_PART = 1 / 3
-"""How far a window quieter than the median counts as that: its few pixels say by chance that there is no noise."""
+"""By this part a window with less noise than the median is taken up to it: few pixels may show little by chance."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,13 @@ def refine(
         return shift, spread, noise_power(least, window), projection.line[2][band.trim]
 
     shift, spread, power, worth = join_bands(base.shape, measure, settings.window_radius)
-    some = power[::LINE_THINNING, ::LINE_THINNING]
-    known = np.isfinite(some)
+    asked = power[::LINE_THINNING, ::LINE_THINNING]
+    known = np.isfinite(asked)
     if known.any():
-        power += np.float32(TYPICAL_PART) * np.maximum(np.float32(median(some[known])) - power, 0)
+        typical = np.float32(median(asked[known]))
+        power += np.float32(TYPICAL_PART) * np.maximum(typical - power, 0)
     power *= np.float32(base.noise_weight)
-    stray = line_error(across, across_spread * some)
+    stray = line_error(across, across_spread * power[::LINE_THINNING, ::LINE_THINNING])
     return Refinement(start, shift, spread * power, worth, np.float32(stray**2 + motion_error_px**2))
 
 
