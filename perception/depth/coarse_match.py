@@ -27,6 +27,11 @@ class CoarseMatch:
     choice: Choice
     factor: float
 
+    @property
+    def cost(self) -> float:
+        """Mean matching cost of all pixels, 0 to 1: the less, the better the motion explains the pictures."""
+        return float(self.choice.cost.mean())
+
     def range(self) -> tuple[float, float] | None:
         """Between which inverse depths all but a hundredth of the confirmed pixels lie; None when hardly any is."""
         sure = cv2.erode(self.choice.sure.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)

@@ -1,6 +1,6 @@
 """Depth from motion, picture by picture: predict, match, regularise, fuse (thesis figure 2.8)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_depth
+from perception.depth.kept import Kept
 from perception.depth.literal_match import match_literally
 from perception.depth.matching import match_pair
 from perception.depth.memory import keep_freed_memory
@@ -30,6 +31,8 @@ KEPT_PARALLAX_PX = 12.0
 """While the motion strays, a picture is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
 """Smaller pictures hold no windows, pixels."""
+LESS_COST = 0.75
+"""The motion as it was corrected and one more step are believed, not all steps as given, at this part of their cost."""
 LEAST_OVERLAP = 0.6
 """A picture is not kept when less than this part of the newest is confirmed by it, or could be."""
 
@@ -69,39 +72,6 @@ def as_grey(image: NDArray[np.uint8]) -> Field:
     return image.astype(np.float32)
 
 
-@dataclass
-class _Kept:
-    """The kept picture and the motion from it to the newest one, as it was given and as it was corrected; and what
-    the camera has moved since it last measured."""
-
-    view: View
-    given: Motion = field(default_factory=Motion.identity)
-    corrected: Motion = field(default_factory=Motion.identity)
-    unmeasured: Motion = field(default_factory=Motion.identity)
-    seen_from: NDArray[np.float64] | None = None
-    """Where the other picture of the last pair that this one was in stood, in this one's frame, m."""
-
-    def advance(self, motion: Motion, anchored: bool) -> None:
-        """The next picture; its motion is from the kept one when anchored, from the one before otherwise."""
-        self.given = motion if anchored else self.given.then(motion)
-        self.unmeasured = motion if anchored else self.unmeasured.then(motion)
-
-    def correct(self, corrected: Motion) -> Motion:
-        """Take the corrected motion from the kept picture to the newest; what it makes of the motion to step by."""
-        step = self.corrected.inverse().then(corrected)
-        self.corrected = corrected
-        return step
-
-    def likeness(self, pair: Motion) -> float:
-        """Cosine of the angle between the baselines of the last pair and of this one, along which the noise of the
-        kept picture errs in both; 0 for the first. `pair` is the motion from the kept picture."""
-        before, now = self.seen_from, pair.inverse().translation
-        self.seen_from = now
-        if before is None:
-            return 0.0
-        return float(before @ now) / max(float(np.linalg.norm(before) * np.linalg.norm(now)), 1e-12)
-
-
 class DepthFromMotion:
     """The recursive estimator. It keeps one picture and one map; the map stands in the newest view.
 
@@ -114,7 +84,7 @@ class DepthFromMotion:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored
-        self._kept: _Kept | None = None
+        self._kept: Kept | None = None
         self._state: InverseDepth | None = None
         self._colour = False
 
@@ -135,7 +105,7 @@ class DepthFromMotion:
                 f"a picture of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
             )
         keep_freed_memory()
-        self._kept = _Kept(view)
+        self._kept = Kept(view)
         self._colour = image.ndim == 3
         shape = self._kept.view.shape
         self._state = self._presumed(shape) if self.settings.literal else InverseDepth.unknown(shape)
@@ -165,12 +135,19 @@ class DepthFromMotion:
             if not self.anchored:
                 self._state = self._predict(kept.correct(kept.corrected.then(motion)), shape)
                 if not geometry.overlaps(LEAST_OVERLAP):
-                    self._kept = _Kept(view)
+                    self._kept = Kept(view)
             return DepthMap(self._state, False, 0.0)
         limits = widest_range(geometry, self.settings)
         expected = expected_range(self._state, 0.0 if self.anchored else float(motion.translation[2]))
         searched = None if expected is None else with_margin(expected, limits, geometry)
         coarse = match_coarsely(base, other, geometry, searched or limits, self.settings)
+        tracked = kept.corrected.then(motion)
+        apart = kept.given.inverse().then(tracked)
+        if not self.anchored and apart.angle + apart.distance > 1e-6:
+            # Steps that were measured one by one err the more the more of them there are since the kept picture.
+            stepped = Epipolar(self.camera, tracked.inverse(), shape)
+            again = match_coarsely(base, other, stepped, searched or limits, self.settings)
+            coarse = again if again.cost < LESS_COST * coarse.cost else coarse
         if searched is None:
             searched = with_margin(coarse.range() or limits, limits, geometry)
         correction = correct_motion(coarse, self.settings)
@@ -190,7 +167,7 @@ class DepthFromMotion:
         middle = median(some[np.isfinite(some)]) if np.isfinite(some).any() else 0.0
         far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
-            self._kept = _Kept(view, seen_from=pair.translation)
+            self._kept = Kept(view, seen_from=pair.translation)
         return DepthMap(self._state, True, confirmed, *searched, correction.stray_px)
 
     def _step_literally(self, view: View, motion: Motion) -> DepthMap:
@@ -201,7 +178,7 @@ class DepthFromMotion:
         predicted = self._state if self.anchored else self._predict(motion, shape)
         base, other = (self._kept.view, view) if self.anchored else (view, self._kept.view)
         if not self.anchored:
-            self._kept = _Kept(view)
+            self._kept = Kept(view)
         self._state = predicted
         if self._parallax(motion, shape) < LEAST_PARALLAX_PX:
             return DepthMap(predicted, False, 0.0)

@@ -111,6 +111,18 @@ def test_depth_gains_from_the_correction(table: Sequence, monkeypatch: pytest.Mo
     assert corrected < 0.75 * as_given
 
 
+def test_steps_that_err_alike_are_followed_although_their_errors_add_up() -> None:
+    # four steps to the right, each pitched by 2 px too much: 6 px, more than can be found, after the third
+    table = table_top(frames=8, size=(256, 192))
+    estimator = DepthFromMotion(table.camera, DEFAULT)
+    estimator.start(table.images[0])
+    for image, motion in zip(table.images[1:4], table.motions[:3], strict=True):
+        found = estimator.step(image, disturbed(motion, (2 / table.camera.fx, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        # the parabola of a coarse error surface takes 2 px for up to twice as much
+        assert 1.5 < found.stray_px < 5
+    assert score_map(found, table.truth[3]).median_error < 0.03
+
+
 def test_a_straying_motion_keeps_the_picture_until_the_baseline_is_long() -> None:
     # a step of .03 m to the right shifts the median, 2.1 m away, by 4 px: two stay below the limit of 12, four do not
     table = table_top(frames=10, size=(256, 192))
