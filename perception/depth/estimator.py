@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.carry import carry_map
-from perception.depth.coarse_match import match_coarsely
+from perception.depth.coarse_match import LESS_COST, match_turned
 from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
 from perception.depth.intrinsics import Intrinsics
@@ -31,8 +31,6 @@ KEPT_PARALLAX_PX = 12.0
 """While the motion strays, a picture is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
 """Smaller pictures hold no windows, pixels."""
-LESS_COST = 0.75
-"""The motion as it was corrected and one more step are believed, not all steps as given, at this part of their cost."""
 LEAST_OVERLAP = 0.6
 """A picture is not kept when less than this part of the newest is confirmed by it, or could be."""
 
@@ -140,17 +138,18 @@ class DepthFromMotion:
         limits = widest_range(geometry, self.settings)
         expected = expected_range(self._state, 0.0 if self.anchored else float(motion.translation[2]))
         searched = None if expected is None else with_margin(expected, limits, geometry)
-        coarse = match_coarsely(base, other, geometry, searched or limits, self.settings)
+        coarse, turned = match_turned(base, other, geometry, searched or limits, self.settings)
         tracked = kept.corrected.then(motion)
         apart = kept.given.inverse().then(tracked)
         if not self.anchored and apart.angle + apart.distance > 1e-6:
             # Steps that were measured one by one err the more the more of them there are since the kept picture.
-            stepped = Epipolar(self.camera, tracked.inverse(), shape)
-            again = match_coarsely(base, other, stepped, searched or limits, self.settings)
-            coarse = again if again.cost < LESS_COST * coarse.cost else coarse
+            geometry = Epipolar(self.camera, tracked.inverse(), shape)
+            again, turned_again = match_turned(base, other, geometry, searched or limits, self.settings)
+            if again.cost < LESS_COST * coarse.cost:
+                coarse, turned = again, turned_again
         if searched is None:
             searched = with_margin(coarse.range() or limits, limits, geometry)
-        correction = correct_motion(coarse, self.settings)
+        correction = correct_motion(coarse, self.settings).besides(turned)
         geometry = Epipolar(self.camera, correction.motion, shape)
         predicted = self._state
         if not self.anchored:

@@ -44,6 +44,11 @@ class Correction:
     error_px: float
     """By how much the corrected motion may still shift a match along its line."""
 
+    def besides(self, turned_px: float) -> "Correction":
+        """The same after a turn by so many pixels across the lines, which may err as much along them."""
+        stray, error = (float(np.hypot(px, turned_px)) for px in (self.stray_px, self.error_px))
+        return Correction(self.motion, stray, error)
+
 
 @dataclass(frozen=True)
 class _Strays:
