@@ -176,15 +176,26 @@ def film(
 
 
 def slanted_plane(
-    frames: int = 6, noise: float = 0.0, size: tuple[int, int] = (192, 144), seed: int = 1, slant: float = 0.5
+    frames: int = 6,
+    noise: float = 0.0,
+    size: tuple[int, int] = (192, 144),
+    seed: int = 1,
+    slant: float = 0.5,
+    step: tuple[float, float] | None = None,
+    yaw: float = 0.0,
 ) -> Sequence:
-    """A plane 2 m away, slanted about the vertical, seen by a camera that moves to the right by 8 px a frame."""
+    """A plane 2 m away, slanted about the vertical, seen by a camera that moves.
+
+    Args:
+        step: by how much a picture, right and forward, m; 8 px to the right by default.
+        yaw: by how much it turns a picture, rad.
+    """
     focal = size[0] * 1.0
     camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     turned = (float(np.cos(slant)), 0.0, float(np.sin(slant)))
     scene = Scene((Plane((0, 0, 2), turned, (0, 1, 0)),), waves(seed, 8.0 / focal, 0.5))
-    step = 8 * 2 / focal
-    poses = [place(step * i, 0, 0) for i in range(frames)]
+    right, forward = (8 * 2 / focal, 0.0) if step is None else step
+    poses = [place(right * i, 0, forward * i, yaw=yaw * i) for i in range(frames)]
     return film("plane", scene, camera, size, poses, noise, seed=seed)
 
 

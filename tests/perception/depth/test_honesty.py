@@ -1,12 +1,11 @@
 """The stated deviation against the true errors on rendered scenes: the issue's 60–76 % and 91–98 %."""
 
 from collections.abc import Callable
-from statistics import mean
 
 import pytest
 
 from perception.depth.settings import DEFAULT
-from tools.depth.score import run_sequence, score_map
+from tools.depth.score import cover_sequence
 from tools.depth_scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 
 WHOLE: dict[str, Callable[[], Sequence]] = {
@@ -28,17 +27,9 @@ OTHERS: dict[str, Callable[[int], Sequence]] = {
 """Other textures and noise; short and small, for the rendering takes most of the time."""
 
 
-def coverage(sequence: Sequence) -> tuple[float, float]:
-    """Per cent of the errors of all maps within 1 and 1.96 stated deviations."""
-    maps = run_sequence(sequence, DEFAULT)
-    scores = [score_map(found, truth) for found, truth in zip(maps, sequence.truth[1:], strict=True)]
-    # maps of one size: the mean of their coverages is that of all their errors
-    return mean(score.cover_68 for score in scores), mean(score.cover_95 for score in scores)
-
-
 @pytest.mark.parametrize("name", WHOLE)
 def test_intervals_of_68_and_95_per_cent_cover_what_they_say_over_the_sequence(name: str) -> None:
-    cover_68, cover_95 = coverage(WHOLE[name]())
+    cover_68, cover_95 = cover_sequence(WHOLE[name](), DEFAULT)
     assert 60 <= cover_68 <= 76
     assert 91 <= cover_95 <= 98
 
@@ -46,6 +37,6 @@ def test_intervals_of_68_and_95_per_cent_cover_what_they_say_over_the_sequence(n
 @pytest.mark.parametrize("seed", [4, 5])
 @pytest.mark.parametrize("name", OTHERS)
 def test_they_do_so_whatever_the_texture_and_the_noise(name: str, seed: int) -> None:
-    cover_68, cover_95 = coverage(OTHERS[name](seed))
+    cover_68, cover_95 = cover_sequence(OTHERS[name](seed), DEFAULT)
     assert 60 <= cover_68 <= 76
     assert 91 <= cover_95 <= 98
