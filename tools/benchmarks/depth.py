@@ -24,14 +24,18 @@ LIMIT_MB = 400.0
 DISPARITIES = 32
 
 
-def scene(size: tuple[int, int], frames: int) -> Sequence:
-    """A board before a slanted wall; the wall moves by 8 px and the board by 16 px a frame at every size."""
+def scene(size: tuple[int, int], frames: int, turning: bool = False) -> Sequence:
+    """A board before a slanted wall; the wall moves by 8 px and the board by 16 px a frame at every size.
+
+    A camera that is `turning` also goes forward, so that planes are warped and not only shifted.
+    """
     focal = float(size[0])
     camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     wall = Plane((0, 0, 2), (float(np.cos(0.3)), 0, float(np.sin(0.3))), (0, 1, 0))
     board = Plane((0.1, 0.0, 1.0), (1, 0, 0), (0, 1, 0), (0.15, 0.15))
     surfaces = Scene((wall, board), waves(1, 12 / focal, 0.5, count=12))
-    poses = [place(16 * k / focal, 0, 0) for k in range(frames)]
+    yaw, forward = (0.004, 0.01) if turning else (0.0, 0.0)
+    poses = [place(16 * k / focal, 0, forward * k, yaw=yaw * k) for k in range(frames)]
     return film("bench", surfaces, camera, size, poses, noise=1.0, samples=1)
 
 
@@ -66,6 +70,7 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="tools/bench depth", description=__doc__)
     parser.add_argument("--frames", type=int, default=8)
     parser.add_argument("--threads", type=int, default=2, help="threads of OpenCV for all three")
+    parser.add_argument("--turning", action="store_true", help="a camera that turns and goes forward too")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args(argv)
     if options.frames < 3:
@@ -75,7 +80,7 @@ def main(argv: list[str]) -> int:
     cv2.setNumThreads(options.threads)
     rows: list[dict[str, float]] = []
     for size in SIZES:
-        found = time_in_turns(scene(size, options.frames))
+        found = time_in_turns(scene(size, options.frames, options.turning))
         pixels = size[0] * size[1]
         rows.append(
             {"width": size[0], "height": size[1], **found, "ns_a_pixel": 1e6 * found["ours"] / pixels}
