@@ -140,10 +140,12 @@ def _run(request: "Request", count: int) -> list["Row"]:
     rows: list[Row] = []
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("depth", total=count)
-        for row in run(request, lambda text: console.print(text, style="yellow", highlight=False)):
+        for row in run(
+            request, lambda text: console.print(text, style="yellow", highlight=False, soft_wrap=True)
+        ):
             rows.append(row)
             if row.remark:
-                console.print(f"{row.picture}: {row.remark}", style="yellow", highlight=False)
+                console.print(f"{row.picture}: {row.remark}", style="yellow", highlight=False, soft_wrap=True)
             progress.update(task, advance=1, description=row.picture)
     return rows
 
