@@ -108,7 +108,7 @@ def test_depth_gains_from_the_correction(table: Sequence, monkeypatch: pytest.Mo
     as_given = np.mean([held(table, m) for m in motions])
     # pitch and roll are seen across the lines, but so is what looks like them, a rise or a step forward; a single
     # sequence may lose, and twelve of them have half the error
-    assert corrected < 0.75 * as_given
+    assert corrected < 0.7 * as_given
 
 
 @pytest.mark.parametrize("pitch_px", [-8, 8, 12])
