@@ -13,7 +13,7 @@ from perception.depth.settings import DEFAULT, PRESETS, Settings
 from tools.depth.light import LIGHTS, dim
 from tools.depth.peers import Field, bad_percent, fill_from_left, match_bm, match_sgbm
 from tools.depth.pictures import Image, Views
-from tools.depth.score import run_sequence, run_views, score_map, score_views
+from tools.depth.score import run_sequence, run_views, score_frames, score_map, score_views
 from tools.depth_scenes import Sequence
 
 IN_ORDER = (0, 1, 4, 3, 2)
@@ -98,10 +98,7 @@ def score_light_of_pair(views: Views) -> dict[str, dict[str, float]]:
 def score_hand_held(sequence: Sequence) -> dict[str, Any]:
     """TUM's nine frames: the map carried along, and held in the last view with the others against it."""
     settings = replace(DEFAULT, near=0.3, far=10.0)
-    carried = [
-        score_map(found, truth).to_json()
-        for found, truth in zip(run_sequence(sequence, settings), sequence.truth[1:], strict=True)
-    ]
+    carried = [score.to_json() for score in score_frames(sequence, run_sequence(sequence, settings))]
     last = len(sequence.images) - 1
     estimator = DepthFromMotion(sequence.camera, settings, anchored=True)
     estimator.start(sequence.images[last])

@@ -10,7 +10,7 @@ from perception.depth.estimator import DepthMap
 from perception.depth.settings import DEFAULT, PRESETS, Settings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
-from tools.depth.score import Mask, Score, run_sequence, score_map
+from tools.depth.score import Mask, run_sequence, score_frames
 from tools.depth_scenes import Sequence, sea_bed, slanted_plane, stripes, table_top
 
 SURE_START_M = {"plane": 2.0, "table-top": 1.6, "sea bed": 11.0, "stripes": 1.8}
@@ -21,15 +21,6 @@ def chosen(preset: str, sequence: Sequence) -> Settings:
     """A preset for a rendered scene."""
     settings = PRESETS[preset]
     return replace(settings, start_depth=SURE_START_M[sequence.name]) if settings.literal else settings
-
-
-def score_frames(sequence: Sequence, maps: list[DepthMap], where: list[Mask] | None = None) -> list[Score]:
-    """The score of each map."""
-    masks = where or [np.isfinite(truth) for truth in sequence.truth]
-    return [
-        score_map(found, truth, mask)
-        for found, truth, mask in zip(maps, sequence.truth[1:], masks[1:], strict=True)
-    ]
 
 
 def score_planes() -> dict[str, Any]:

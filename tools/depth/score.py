@@ -58,6 +58,15 @@ def score_map(found: DepthMap, truth: NDArray[np.floating], where: Mask | None =
     )
 
 
+def score_frames(sequence: Sequence, maps: list[DepthMap], where: list[Mask] | None = None) -> list[Score]:
+    """The score of each map."""
+    masks = where or [np.isfinite(truth) for truth in sequence.truth]
+    return [
+        score_map(found, truth, mask)
+        for found, truth, mask in zip(maps, sequence.truth[1:], masks[1:], strict=True)
+    ]
+
+
 def run_sequence(sequence: Sequence, settings: Settings) -> list[DepthMap]:
     """The maps after the second, third, … picture, each in the view of its picture."""
     estimator = DepthFromMotion(sequence.camera, settings)
@@ -68,8 +77,7 @@ def run_sequence(sequence: Sequence, settings: Settings) -> list[DepthMap]:
 
 def cover_sequence(sequence: Sequence, settings: Settings) -> tuple[float, float]:
     """Per cent of the errors of all maps within 1 and 1.96 stated deviations."""
-    maps = run_sequence(sequence, settings)
-    scores = [score_map(found, truth) for found, truth in zip(maps, sequence.truth[1:], strict=True)]
+    scores = score_frames(sequence, run_sequence(sequence, settings))
     # maps of one size: the mean of their coverages is that of all their errors
     return mean(score.cover_68 for score in scores), mean(score.cover_95 for score in scores)
 

@@ -12,7 +12,7 @@ from perception.depth.motion import Motion
 from perception.depth.settings import DEFAULT
 from tools.depth.pictures import read_cones, read_tsukuba, read_tum
 from tools.depth.rendered import edge_masks
-from tools.depth.score import run_sequence, run_views, score_map, score_views
+from tools.depth.score import run_sequence, run_views, score_frames, score_map, score_views
 from tools.depth_scenes import Plane, Scene, Sequence, film, place, slanted_plane, stripes, table_top, waves
 
 
@@ -51,9 +51,7 @@ def _plane_scene(camera: Intrinsics) -> Scene:
 
 def test_error_and_stated_deviation_fall_frame_by_frame_on_a_plane() -> None:
     sequence = slanted_plane(noise=2.0)
-    scores = [
-        score_map(m, t) for m, t in zip(run_sequence(sequence, DEFAULT), sequence.truth[1:], strict=True)
-    ]
+    scores = score_frames(sequence, run_sequence(sequence, DEFAULT))
     assert scores[-1].mean_error < 0.9 * scores[0].mean_error
     assert scores[-1].stated < 0.9 * scores[0].stated
 
