@@ -105,13 +105,11 @@ class Epipolar:
 
     def _place(self, inverse_depth: Field | float, some: Some) -> tuple[Field, Field, Field, Field]:
         """x', y', q₃ and 1/q₃; NaN behind the camera."""
-        if isinstance(some, slice):
-            first, second, third = self._rays[:, some]
-        elif isinstance(some, tuple):
-            first, second, third = self._rays[:, *some]
-        else:
+        if isinstance(some, np.ndarray):
             # An index by a mask would search it for every ray, and branch.
             first, second, third = self._rays.reshape(3, -1).take(np.flatnonzero(some), axis=1)
+        else:
+            first, second, third = self._rays[:, *(some if isinstance(some, tuple) else (some,))]
         shift_x, shift_y, shift_z = self._shift
         rho = np.asarray(inverse_depth, np.float32)
         scale = third + rho * shift_z

@@ -18,7 +18,7 @@ from perception.depth.matching import match_pair
 from perception.depth.memory import keep_freed_memory
 from perception.depth.motion import Motion
 from perception.depth.motion_correction import correct_motion
-from perception.depth.quantile import median
+from perception.depth.quantile import known_median
 from perception.depth.search_range import expected_range, widest_range, with_margin
 from perception.depth.settings import DEFAULT, Settings
 from perception.depth.view import View
@@ -143,8 +143,8 @@ class DepthFromMotion:
         apart = kept.given.inverse().then(tracked)
         if not self.anchored and apart.angle + apart.distance > 1e-6:
             # Steps that were measured one by one err the more the more of them there are since the kept picture.
-            geometry = Epipolar(self.camera, tracked.inverse(), shape)
-            again, turned_again = match_turned(base, other, geometry, searched or limits, self.settings)
+            stepped = Epipolar(self.camera, tracked.inverse(), shape)
+            again, turned_again = match_turned(base, other, stepped, searched or limits, self.settings)
             if again.cost < LESS_COST * coarse.cost:
                 coarse, turned = again, turned_again
         if searched is None:
@@ -162,8 +162,7 @@ class DepthFromMotion:
         )
         confirmed = float(match.sure.mean())
         kept.unmeasured = Motion.identity()
-        some = self._state.value[::4, ::4]
-        middle = median(some[np.isfinite(some)]) if np.isfinite(some).any() else 0.0
+        middle = known_median(self._state.value[::4, ::4])
         far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
             self._kept = Kept(view, seen_from=pair.translation)

@@ -24,6 +24,12 @@ def median(values: NDArray[Any]) -> float:
     return quantiles(values, 0.5)[0]
 
 
+def known_median(values: NDArray[Any], otherwise: float = 0.0) -> float:
+    """The median of those that are finite; `otherwise` when none is."""
+    known = values[np.isfinite(values)]
+    return median(known) if known.size else otherwise
+
+
 def robust_deviation(values: NDArray[Any]) -> float:
     """1.4826 times the median of |values|: the standard deviation of normal errors about 0, whatever the outliers."""
     return 1.4826 * median(np.abs(values))

@@ -12,7 +12,7 @@ from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.flatten import flatten_whole
 from perception.depth.interpolation import Between
-from perception.depth.quantile import median, robust_deviation
+from perception.depth.quantile import known_median, median, robust_deviation
 from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.view import View
@@ -74,9 +74,7 @@ def refine(
     Args:
         disparity: where to begin, in planes `spacing` 1/m apart; what is found is within half a pixel of it.
     """
-    height, width = base.shape
-    thin = (-(-height // LINE_THINNING), -(-width // LINE_THINNING))
-    across, across_spread = np.empty(thin, np.float32), np.empty(thin, np.float32)
+    across, across_spread = (np.empty_like(disparity[::LINE_THINNING, ::LINE_THINNING]) for _ in range(2))
     soft, between = _of_one_scale(base, other, geometry, median(disparity[::4, ::4]) * float(spacing))
     first = disparity + _first_step(soft, between, geometry, disparity, spacing, settings)
     start = flatten_whole(first)
@@ -89,17 +87,14 @@ def refine(
         shift, _, least = surface.minimum(weight)
         spread, _, _ = surface.covariance(1.0, weight)
         some = surface.thinned(LINE_THINNING)
-        rows = slice(band.inner.start // LINE_THINNING, -(-band.inner.stop // LINE_THINNING))
+        rows = _thin_rows(band.inner, LINE_THINNING)
         _, across[rows], _ = some.minimum()
         _, _, across_spread[rows] = some.covariance(1.0)
         return shift, spread, noise_power(least, window), projection.line[2][band.trim]
 
     shift, spread, power, worth = join_bands(base.shape, measure, settings.window_radius)
-    asked = power[::LINE_THINNING, ::LINE_THINNING]
-    known = np.isfinite(asked)
-    if known.any():
-        typical = np.float32(median(asked[known]))
-        power += np.float32(TYPICAL_PART) * np.maximum(typical - power, 0)
+    typical = np.float32(known_median(power[::LINE_THINNING, ::LINE_THINNING]))
+    power += np.float32(TYPICAL_PART) * np.maximum(typical - power, 0)
     power *= np.float32(base.noise_weight)
     stray = line_error(across, across_spread * power[::LINE_THINNING, ::LINE_THINNING])
     return Refinement(start, shift, spread * power, worth, np.float32(stray**2 + motion_error_px**2))
@@ -127,13 +122,10 @@ def _first_step(
 ) -> Field:
     """The step to the minimum, found at every second pixel, in planes; 0 where none is within half a pixel."""
     height, width = shape = geometry.shape
-    thin = np.empty((-(-height // FIRST_THINNING), -(-width // FIRST_THINNING)), np.float32)
+    thin = np.empty_like(disparity[::FIRST_THINNING, ::FIRST_THINNING])
 
     def look(band: Band) -> None:
-        inner, outer = (
-            slice(rows.start // FIRST_THINNING, -(-rows.stop // FIRST_THINNING))
-            for rows in (band.inner, band.outer)
-        )
+        inner, outer = (_thin_rows(rows, FIRST_THINNING) for rows in (band.inner, band.outer))
         some = (slice(band.outer.start, band.outer.stop, FIRST_THINNING), slice(None, None, FIRST_THINNING))
         radius = settings.window_radius // FIRST_THINNING
         window = BaseWindow(np.ascontiguousarray(soft[some]), radius, Window.TENT)
@@ -151,6 +143,11 @@ def _first_step(
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     step = cv2.warpAffine(thin, shrink, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(step, np.float32)
+
+
+def _thin_rows(rows: slice, step: int) -> slice:
+    """Those rows in a picture of every `step`-th row; they begin at one of them."""
+    return slice(rows.start // step, -(-rows.stop // step))
 
 
 def line_weight(value: Field, window: BaseWindow, settings: Settings) -> Field:
