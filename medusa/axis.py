@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from medusa.config import AxisConfig
 from medusa.errors import CommandError, DeviceFault
 from medusa.joint import VELOCITY_MODES, Joint, Seen
-from medusa.mc3000 import Board, BoardEvent, Mode, Profile, profile_samples
+from medusa.mc3000 import Board, BoardEvent, Flags, Mode, Profile, profile_samples
 from medusa.mc3000.profile import MAX_SPEED_COUNTS
 
 FRESH_SECONDS = 0.1
 """A joint seen longer ago is looked at again before it is given a velocity."""
+RAMP_LOOK_SECONDS = 0.01
+RAMP_MARGIN_SECONDS = 0.5
+"""On top of the ramp: the link's repeats, and in proportional velocity mode the coasting to rest."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,14 @@ class Axis(Joint):
         """Enter a control mode, or go idle; an orderly idle lets the board's unanswered motions act first.
 
         Settings are written and read back before control is entered; between modes with different filters
-        the axis passes through idle, since a filter meant for one mode may be unstable in another. Raises
-        CommandError when a stop comes in between: it stays stopped.
+        the axis passes through idle, since a filter meant for one mode may be unstable in another. A velocity
+        is ended by its ramp first. Raises CommandError when a stop comes in between: it stays stopped.
         """
         if mode is Mode.IDLE:
             await self._go_idle(orderly=orderly)
             return
+        if self.mode is not mode and self.may_ramp:
+            await self.brake()
         async with self._lock:
             if self.mode is mode:
                 return
@@ -67,6 +72,26 @@ class Axis(Joint):
             self.note_stopping()
             await self.board.mode(self.channel, mode)
             self.mode = mode
+
+    async def brake(self) -> None:
+        """End a velocity by the board's own ramp, which leaves the axis in position mode at rest.
+
+        A mode change alone would take the present command position for the reference at once, and the position
+        loop would brake as hard as it can. Raises DeviceFault when the ramp does not end in time.
+        """
+        loop = asyncio.get_running_loop()
+        asked = loop.time()
+        deadline = asked + self.ramp_seconds + RAMP_MARGIN_SECONDS
+        await self.stop(orderly=True)
+        while True:
+            snapshot, time = await self.board.timed_snapshot()
+            seen = snapshot.axes[self.channel]
+            self.note(seen, time)
+            if time > asked and seen.mode not in VELOCITY_MODES and not seen.flags & Flags.PROFILE:
+                return
+            if loop.time() > deadline:
+                raise DeviceFault(f"{self.name}: its velocity did not end by its ramp", axis=self.name)
+            await asyncio.sleep(RAMP_LOOK_SECONDS)
 
     async def _go_idle(self, *, orderly: bool = False) -> None:
         self.note_stopping()
@@ -149,12 +174,11 @@ class Axis(Joint):
             taken = value / (units * self.counts_per_radian * self.sample_period(mode))
             before = self.command_velocity
             # Noted first: a command whose reply is lost may have acted and has to be watched.
-            self.command_velocity = taken
-            self.velocity_changed()
+            self._note_velocity(taken)
             try:
                 await self.board.velocity(self.channel, value)
             except CommandError:
-                self.command_velocity = before
+                self._note_velocity(before)
                 raise
         return taken
 

@@ -195,11 +195,15 @@ class Head:
         self._supervision.start()
 
     async def disable(self, names: Iterable[str] | None = None) -> None:
-        """Go idle, wait for rest, inhibit the bridges; the watchdogs end with the last joint.
+        """End motions by their ramps, go idle, wait for rest, inhibit the bridges.
 
-        Raises DeviceFault naming the joints that do not come to rest; their bridges stay on and brake them.
+        The watchdogs end with the last joint. Raises DeviceFault naming the joints that do not come to rest;
+        their bridges stay on and brake them.
         """
         wanted = [name for name in self._names(names) if name in self.enabled]
+        if self._moves.is_running(wanted):
+            await self.stop()
+        await asyncio.gather(*(self.axes[name].brake() for name in wanted if self.axes[name].may_ramp))
         await asyncio.gather(*(self.axes[name].set_mode(Mode.IDLE) for name in wanted))
         await self._bridges.switch_off(wanted)
         if not self.enabled:
@@ -220,12 +224,10 @@ class Head:
     ) -> MoveReport:
         """Move joints together to angles (rad) and wait until they rest; see `Moves.run`.
 
-        A joint that rests in a velocity mode enters position mode first.
+        A joint in a velocity mode comes to rest by its ramp and enters position mode first.
         """
-        for name in self._names(targets):
-            axis = self.axes[name]
-            if axis.mode in VELOCITY_MODES and axis.command_velocity == 0:
-                await axis.set_mode(Mode.POSITION)
+        axes = [self.axes[name] for name in self._names(targets)]
+        await asyncio.gather(*(a.set_mode(Mode.POSITION) for a in axes if a.mode in VELOCITY_MODES))
         return await self._moves.run(targets, speeds)
 
     async def velocity(self, velocities: Mapping[str, float]) -> dict[str, float]:

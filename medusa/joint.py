@@ -11,6 +11,8 @@ from medusa.mc3000 import AxisSnapshot, Board, Mode, Profile, make_profile
 
 VELOCITY_MODES = frozenset({Mode.PROPORTIONAL_VELOCITY, Mode.INTEGRAL_VELOCITY})
 
+LINK_SECONDS = 0.5
+"""A request that has to be repeated acts so much later at most."""
 SUPERVISION_SECONDS = 0.04
 """Between the instant that a snapshot shows and the stop that follows from it: two requests and a timer."""
 
@@ -35,6 +37,7 @@ class Joint:
         self.mode = Mode.IDLE
         self.homed = False
         self.command_velocity = 0.0
+        self._moving_until = -math.inf
         self.velocity_changed: Callable[[], None] = lambda: None
         self.seen: Seen | None = None
         self._stopped_at = -math.inf
@@ -88,6 +91,18 @@ class Joint:
         except CommandError as error:
             raise CommandError(f"{self.name}: {error}") from None
 
+    @property
+    def ramp_seconds(self) -> float:
+        """The longest ramp to rest, from the greatest speed, s."""
+        return self.config.max_speed / self.config.acceleration
+
+    @property
+    def may_ramp(self) -> bool:
+        """True while a velocity other than zero is commanded, or its ramp to zero may not have ended yet."""
+        if self.mode not in VELOCITY_MODES:
+            return False
+        return self.command_velocity != 0 or asyncio.get_running_loop().time() < self._moving_until
+
     def limit_ahead(self, velocity: float) -> float:
         """The soft limit (rad) toward which a velocity goes."""
         return self.limits[1] if velocity > 0 else self.limits[0]
@@ -132,6 +147,13 @@ class Joint:
         self.mode = Mode.IDLE
         self.seen = None
         self._forget_motion()
+
+    def _note_velocity(self, velocity: float) -> None:
+        """A velocity (rad/s) is on its way: the joint may move, and ramp down for a while after a zero."""
+        if velocity == 0 and self.command_velocity != 0:
+            self._moving_until = asyncio.get_running_loop().time() + self.ramp_seconds + LINK_SECONDS
+        self.command_velocity = velocity
+        self.velocity_changed()
 
     def _forget_motion(self) -> None:
         self._command = None

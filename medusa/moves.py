@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Collection, Coroutine, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -84,6 +84,10 @@ class Moves:
         self._stopped_by_fault = stopped_by_fault
         self.stops = 0
         self._running: dict[asyncio.Future[MedusaError], frozenset[str]] = {}
+
+    def is_running(self, names: Collection[str]) -> bool:
+        """True while a move of any of these joints is under way."""
+        return any(not moved.isdisjoint(names) for moved in self._running.values())
 
     def forget_armed(self) -> None:
         """CLEAR is on its way, which disarms: moves about to begin do not; running ones run on."""

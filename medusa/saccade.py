@@ -4,6 +4,7 @@ Every joint's trapezoid is stretched to the time of the slowest, so that all end
 all are armed before the boards' STARTs leave in one write. "Done" means arrived and settled, not that F0 cleared.
 """
 
+import asyncio
 import logging
 import math
 from collections.abc import Mapping
@@ -152,10 +153,8 @@ async def saccade(head: "Head", targets: Mapping[str, float]) -> SaccadeReport:
     Raises CommandError before anything moves, HeadFault when something stops the head on the way. A joint that
     did not settle is named in the report and in the log.
     """
-    for name in targets:
-        axis = head.axes.get(name)
-        if axis is not None and axis.mode in VELOCITY_MODES and axis.command_velocity == 0:
-            await axis.set_mode(Mode.POSITION)
+    axes = [head.axes[name] for name in targets if name in head.axes]
+    await asyncio.gather(*(axis.set_mode(Mode.POSITION) for axis in axes if axis.mode in VELOCITY_MODES))
     plan = plan_saccade(head.axes, targets, await head.snapshot())
     if plan.early:
         log.warning("%s: too near to be stretched, ends early", ", ".join(plan.early))

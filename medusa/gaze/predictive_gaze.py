@@ -217,14 +217,16 @@ class PredictiveGaze:
     def _saccade(self, now: float, joints: Joints, pan: float | None, reason: str) -> Saccade:
         """To where the target will be when the eyes have landed; how long that takes depends on that place.
 
-        A saccade ends later than its profile: it is armed, started and read back. That delay is learnt.
+        It begins when the pursuit has ended by its ramps, |q̇|/a, and ends later than its profile: it is armed,
+        started and read back. That delay is learnt.
         """
-        duration = 0.0
+        ramp = max(abs(rate) / a for rate, a in zip(self._rates, self._limits.acceleration, strict=True))
+        duration = ramp
         target = joints
         for _ in range(3):
             moment = now + duration + self._landing_delay
             target, _ = self._limits.confine(self._wanted(moment, joints, pan))
-            duration = self._limits.duration(joints, target)
+            duration = ramp + self._limits.duration(joints, target)
         self._expected_landing = now + duration
         self._acquired = True
         return Saccade(target, reason)
