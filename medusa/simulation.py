@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from medusa.config import HeadConfig
-from medusa.config_simulated import simulated_config
 from medusa.errors import CommandError
 from medusa.kinematics import HeadGeometry
+from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.simulated_config import simulated_config
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from medusa.head import Head
+    from medusa.head.joint_group import Head
     from medusa.link import Trace
     from perception.camera.intrinsics import Intrinsics
     from perception.camera.slot import SlotCamera
@@ -50,7 +50,7 @@ class SimulatedHead:
         self, config: HeadConfig | None = None, trace: Trace | None = None
     ) -> AbstractAsyncContextManager[Head]:
         """Connect to it as to a real one; the same seed gives the same bytes."""
-        from medusa.head import Head
+        from medusa.head.joint_group import Head
 
         return Head.open(
             config or self.config, self.boards, self.amps, trace, port_name=PORT_NAME, seed=self.seed

@@ -11,7 +11,7 @@ from medusa.cli.options import Options
 from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from medusa.calibration import HeadCalibration
+    from medusa.calibration.head_geometry import HeadCalibration
     from perception.camera.calibration import Board, BoardView, IntrinsicsCalibration
 
 
@@ -86,7 +86,7 @@ async def _by_hand(
     options: Options, stack: AsyncExitStack, board: "Board", names: tuple[str, str], count: int, seconds: float,
     rate: float, out: Path,
 ) -> dict[str, Any]:  # fmt: skip
-    from medusa.board_views import collect_by_hand
+    from medusa.calibration.board_views import collect_by_hand
     from perception.camera.device import CaptureSettings, open_camera
 
     found = {}
@@ -105,8 +105,8 @@ async def _by_head(
     options: Options, stack: AsyncExitStack, board: "Board", names: tuple[str, str], count: int, turn: float,
     rate: float, out: Path,
 ) -> dict[str, Any]:  # fmt: skip
-    from medusa.board_views import collect_postures, head_views, postures
-    from medusa.calibration import estimate_head
+    from medusa.calibration.board_views import collect_postures, head_views, postures
+    from medusa.calibration.head_geometry import estimate_head
     from perception.camera.device import CaptureSettings, open_camera
 
     world = None

@@ -13,8 +13,8 @@ from medusa.cli.options import Options
 from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from medusa.head import Head
-    from medusa.snapshots import HeadSnapshot
+    from medusa.head.joint_group import Head
+    from medusa.head.snapshots import HeadSnapshot
 
 # Pan, tilt, version, vergence in degrees: a look around, near and far.
 GAZES = (

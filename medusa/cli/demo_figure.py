@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from medusa.mc3000 import Inputs, Mode
+from medusa.mc3000.board import Inputs, Mode
 
 if TYPE_CHECKING:
-    from medusa.snapshots import HeadSnapshot, JointState
+    from medusa.head.snapshots import HeadSnapshot, JointState
 
 COLOURS = {"pan": "#1b4f72", "tilt": "#b9770e", "left_vergence": "#1e8449", "right_vergence": "#943126"}
 STATES = (

@@ -10,8 +10,8 @@ from medusa.cli.options import Options
 from medusa.cli.tables import make_table, print_table
 
 if TYPE_CHECKING:
-    from medusa.head import Head
-    from medusa.snapshots import HeadSnapshot
+    from medusa.head.joint_group import Head
+    from medusa.head.snapshots import HeadSnapshot
 
 raw = typer.Typer(
     no_args_is_help=True, help="Read or write registers of an axis chip. Knows no limits: see the page."

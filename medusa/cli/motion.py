@@ -25,7 +25,7 @@ def check(context: typer.Context, axis: str = typer.Argument(..., help=f"One of 
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.check import check_axis
+        from medusa.mc3000.wiring_check import check_axis
 
         async with options.head() as (head, _):
             _known(head, axis)
@@ -123,7 +123,7 @@ def jog(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.faults import HeadFault
+        from medusa.head.faults import HeadFault
 
         async with options.head(homed=True, joints=[axis]) as (head, _):
             _known(head, axis)
@@ -152,7 +152,7 @@ def jog(
 def _check_speed(head: Any, name: str, speed_deg_s: float) -> None:
     """Raise CommandError for a speed that the chip would round to standstill."""
     from medusa.errors import CommandError
-    from medusa.mc3000 import Mode
+    from medusa.mc3000.board import Mode
 
     axis = head.axes[name]
     slowest = math.degrees(1 / (axis.config.counts_per_radian * axis.sample_period(Mode.INTEGRAL_VELOCITY)))

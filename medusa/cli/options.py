@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import typer
 
 if TYPE_CHECKING:
-    from medusa.config import HeadConfig
-    from medusa.head import Head
+    from medusa.head.joint_group import Head
     from medusa.link import Trace
+    from medusa.mc3000.config import HeadConfig
     from medusa.simulation import SimulatedHead
 
 T = TypeVar("T")
@@ -148,7 +148,7 @@ class Options:
 
     def head_config(self) -> "HeadConfig | None":
         """The configuration that was asked for; None for the simulated head's own. Raises ConfigError."""
-        from medusa.config_file import DEFAULT_FILE, load_config
+        from medusa.config.file import DEFAULT_FILE, load_config
         from medusa.errors import ConfigError
 
         if self.config is not None:
@@ -189,7 +189,7 @@ class Options:
         Without `amplifiers` a real head's are left alone: neither their port nor their answers are needed.
         """
         from medusa.errors import CommandError, NoReply
-        from medusa.head import Head
+        from medusa.head.joint_group import Head
 
         if self.sim and (self.boards or self.amps):
             raise CommandError("--sim brings its own ports: leave --boards and --amps out")

@@ -12,10 +12,10 @@ from medusa.cli.options import Options
 from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from medusa.saccade import SaccadeReport
+    from medusa.head.saccade import SaccadeReport
+    from medusa.mc3000.tuning import Tuning
     from medusa.servo.identification import Identification
     from medusa.servo.position_filter import FilterRegisters
-    from medusa.tuning import Tuning
 
 BYTES_HELP = "Bytes A,B,K,T to judge in place of the searched ones, as 206,80,9,255."
 EXCURSION_HELP = "Degrees that a pulse may go."
@@ -73,7 +73,7 @@ def identify(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.identify import Excitation, identify_axis
+        from medusa.mc3000.plant_measurement import Excitation, identify_axis
         from medusa.replace_file import replace_file
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
@@ -115,9 +115,9 @@ def tune(
     registers = read_bytes(options, bytes_)
 
     async def body() -> None:
-        from medusa.config_file import write_keys
-        from medusa.identify import Excitation
-        from medusa.tuning import tune_axes, write_filter
+        from medusa.config.file import write_keys
+        from medusa.mc3000.plant_measurement import Excitation
+        from medusa.mc3000.tuning import tune_axes, write_filter
 
         file: str | None = None
         async with options.head(homed=True, joints=axes) as (head, _):
@@ -192,8 +192,8 @@ def saccade(
 
     async def body() -> None:
         from medusa.errors import DeviceFault
-        from medusa.saccade import saccade as run_saccade
-        from medusa.saccade import saccade_targets
+        from medusa.head.saccade import saccade as run_saccade
+        from medusa.head.saccade import saccade_targets
 
         async with options.head(homed=True, joints=moved) as (head, _):
             snapshot = await head.snapshot()

@@ -21,9 +21,9 @@ def init(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.config_file import template
-        from medusa.config_simulated import simulated_toml
+        from medusa.config.file import template
         from medusa.errors import CommandError
+        from medusa.mc3000.simulated_config import simulated_toml
         from medusa.replace_file import replace_file
 
         if file.exists() and not force:

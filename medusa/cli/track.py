@@ -14,10 +14,10 @@ from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
     from medusa.cli.track_eyes import Eyes
-    from medusa.gaze.assembly import GazeChoice
-    from medusa.gaze.loop import GazeLoop
-    from medusa.gaze.track_log import TrackLog
-    from medusa.head import Head
+    from medusa.gaze.report.track_log import TrackLog
+    from medusa.gaze.run.assembly import GazeChoice
+    from medusa.gaze.run.loop import GazeLoop
+    from medusa.head.joint_group import Head
 
 
 def register(app: typer.Typer) -> None:
@@ -63,7 +63,7 @@ def track(
     async def body() -> "tuple[TrackLog, dict[str, Any]]":
         from medusa.cli.track_eyes import real_eyes, simulated_eyes, simulated_world
         from medusa.errors import CommandError
-        from medusa.gaze.assembly import GazeChoice
+        from medusa.gaze.run.assembly import GazeChoice
 
         if vergence not in ("targets", "disparity"):
             raise CommandError(f"there is no vergence from {vergence!r}; there is targets, disparity")
@@ -91,7 +91,7 @@ def _make_folder(options: Options, out: Path) -> None:
 
 
 def _leave(options: Options, log: "TrackLog", document: dict[str, Any], out: Path) -> None:
-    from medusa.gaze.track_figure import draw_track
+    from medusa.gaze.report.track_figure import draw_track
 
     try:
         (out / "track.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
@@ -104,8 +104,8 @@ def _leave(options: Options, log: "TrackLog", document: dict[str, Any], out: Pat
 async def _follow(
     options: Options, head: "Head", eyes: "Eyes", choice: "GazeChoice", seconds: float, video: str
 ) -> "tuple[TrackLog, dict[str, Any]]":
-    from medusa.gaze.film import Film
-    from medusa.gaze.loop import GazeLoop
+    from medusa.gaze.report.video import Film
+    from medusa.gaze.run.loop import GazeLoop
     from perception.camera.pairing import paired
 
     loop = asyncio.get_running_loop()

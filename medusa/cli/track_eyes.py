@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from medusa.calibration import turn_matrix
+from medusa.calibration.head_geometry import turn_matrix
 from medusa.errors import CommandError
-from medusa.gaze.assembly import bright_detectors, patch_detectors
 from medusa.gaze.retina import Detector, Retina
+from medusa.gaze.run.assembly import bright_detectors, patch_detectors
 from medusa.kinematics import HeadGeometry, Vector
 from perception.camera.device import CaptureSettings, open_camera
 from perception.camera.intrinsics import Intrinsics, load_intrinsics

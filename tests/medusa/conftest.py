@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from medusa.head import Head
+from medusa.head.joint_group import Head
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices.head_config import HeadConfig
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from medusa.config_file import parse_config
-from medusa.config_simulated import simulated_config, simulated_toml
+from medusa.config.file import parse_config
 from medusa.link import Trace
+from medusa.mc3000.simulated_config import simulated_config, simulated_toml
 from medusa.simulation import simulated_head
 from sim_devices.clock import run_virtual
 from sim_devices.head_config import HeadConfig

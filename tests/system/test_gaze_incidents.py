@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from medusa.errors import PortError
-from medusa.gaze.assembly import patch_detectors
+from medusa.gaze.run.assembly import patch_detectors
 from medusa.kinematics import Joints
 from perception.camera.errors import CameraError
 from sim_devices.stereo import StereoWorld

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from medusa.config_simulated import simulated_toml
+from medusa.mc3000.simulated_config import simulated_toml
 from sim_devices.control import call
 
 BIN = Path(sys.executable).parent

@@ -21,8 +21,8 @@ SCHEDULING_S = 0.5
 
 HOST = """
 import asyncio, math, sys
-from medusa.config_simulated import simulated_config
-from medusa.head import Head
+from medusa.mc3000.simulated_config import simulated_config
+from medusa.head.joint_group import Head
 
 async def jog():
     async with Head.open(simulated_config(), sys.argv[1], sys.argv[2]) as head:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 import numpy as np
 import pytest
 
-from medusa.head import Head
+from medusa.head.joint_group import Head
 from medusa.servo.position_filter import dead_band
 from medusa.servo.search import search_filter
 from medusa.servo.thesis import AXES, JOINTS

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from medusa.config_simulated import simulated_toml
+from medusa.mc3000.simulated_config import simulated_toml
 
 pytestmark = pytest.mark.real_time
 DEADLINE_S = 120

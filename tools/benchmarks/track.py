@@ -8,9 +8,9 @@ import json
 import sys
 import time
 
-from medusa.gaze.assembly import GazeChoice, patch_detectors
-from medusa.gaze.loop import GazeLoop
 from medusa.gaze.retina import Retina
+from medusa.gaze.run.assembly import GazeChoice, patch_detectors
+from medusa.gaze.run.loop import GazeLoop
 from medusa.simulation import run_virtual, simulated_head, simulated_surroundings
 
 NEEDED, GOAL = 5.0, 20.0

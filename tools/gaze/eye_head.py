@@ -7,7 +7,7 @@ import numpy as np
 
 from medusa.gaze.command import Command, Saccade, Sighting
 from medusa.gaze.coordination import COORDINATIONS
-from medusa.gaze.loop import LoopSettings
+from medusa.gaze.run.loop import LoopSettings
 from medusa.kinematics import HeadGeometry, Joints, look_at, retinal_errors, triangulate
 from sim_devices.worlds.config import CamerasConfig, PathConfig, TargetConfig, WorldConfig
 from tools.gaze.rig import Rig, Run, open_rig

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.config import HeadConfig
-from medusa.gaze.loop import Gaze, GazeLoop, LoopSettings, gaze_limits, least_speeds
+from medusa.gaze.report.track_log import TrackLog
 from medusa.gaze.retina import Detector, Retina
-from medusa.gaze.track_log import TrackLog
-from medusa.head import Head
+from medusa.gaze.run.loop import Gaze, GazeLoop, LoopSettings, gaze_limits, least_speeds
+from medusa.head.joint_group import Head
 from medusa.kinematics import HeadGeometry, Joints, bearing_of, camera_pose, look_at
+from medusa.mc3000.config import HeadConfig
 from medusa.simulation import SimulatedHead, simulated_cameras, simulated_head
 from perception.camera.intrinsics import Intrinsics
 from perception.target import Target, detect_bright_target

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from medusa.gaze.coordination import SharedEffort
-from medusa.gaze.loop import LoopSettings
+from medusa.gaze.run.loop import LoopSettings
 from medusa.kinematics import Joints
 from perception.target import Shape, Target, detect_bright_target
 from sim_devices.worlds.config import CamerasConfig, PathConfig, TargetConfig, WorldConfig

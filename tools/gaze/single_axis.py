@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.config import FilterConfig, Filters, HeadConfig
 from medusa.gaze.command import Command, Pursue, Sighting
 from medusa.gaze.pid import TABLE_6_4, Gains
 from medusa.gaze.pursuit import JointPursuit
 from medusa.kinematics import HeadGeometry, Joints
+from medusa.mc3000.config import FilterConfig, Filters, HeadConfig
 from medusa.servo.position_filter import design_double_pole, nearest_registers
 from medusa.servo.thesis import TILT, VERGENCE
 from perception.target import Target, detect_bright_target

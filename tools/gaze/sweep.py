@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from medusa.gaze.coordination import EyesFirst
-from medusa.gaze.loop import LoopSettings
 from medusa.gaze.pid import TABLE_6_4
 from medusa.gaze.predictive_gaze import PredictiveGaze, PredictiveSettings
+from medusa.gaze.run.loop import LoopSettings
 from medusa.gaze.thesis_gaze import ThesisGaze, ThesisSettings
 from medusa.kinematics import HeadGeometry
 from sim_devices.worlds.config import CamerasConfig, PathConfig, TargetConfig, WorldConfig

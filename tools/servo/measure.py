@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from medusa.identify import identify_axis
-from medusa.mc3000 import Mode
+from medusa.mc3000.board import Mode
+from medusa.mc3000.plant_measurement import identify_axis
 from medusa.servo.position_filter import FilterRegisters, dead_band, velocity_constant
 from medusa.servo.search import search_filter
 from medusa.servo.thesis import AXES, JOINTS

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.config import FilterConfig, Filters, HeadConfig
-from medusa.head import Head
-from medusa.mc3000 import Mode
+from medusa.head.joint_group import Head
+from medusa.mc3000.board import Mode
+from medusa.mc3000.config import FilterConfig, Filters, HeadConfig
 from medusa.servo.loop import LoopRecord, simulate_position, simulate_proportional_velocity
 from medusa.servo.plant import Plant
 from medusa.servo.position_filter import FilterRegisters

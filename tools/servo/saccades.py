@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.head import Head
-from medusa.saccade import saccade, saccade_targets
+from medusa.head.joint_group import Head
+from medusa.head.saccade import saccade, saccade_targets
 from medusa.simulation import SimulatedHead
 
 Floats = NDArray[np.float64]

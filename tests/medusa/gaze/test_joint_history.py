@@ -2,7 +2,7 @@
 
 import pytest
 
-from medusa.gaze.joint_history import JointHistory
+from medusa.gaze.run.joint_history import JointHistory
 from medusa.kinematics import Joints
 
 

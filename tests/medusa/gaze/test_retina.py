@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from medusa.calibration import turn_matrix
+from medusa.calibration.head_geometry import turn_matrix
 from medusa.gaze.retina import Retina
 from medusa.kinematics import Joints
 from perception.camera.frame import Frame

@@ -1,0 +1,252 @@
+"""The thin loop beside the gaze behaviours: cameras in, joints out, and a head that stands whatever ends it."""
+
+import asyncio
+import contextlib
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from medusa.completion import complete
+from medusa.errors import CommandError, MedusaError
+from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
+from medusa.gaze.report.track_log import TrackLog
+from medusa.gaze.retina import Retina
+from medusa.gaze.run.joint_history import JointHistory
+from medusa.head.faults import Fault, HeadFault
+from medusa.head.joint_group import Head
+from medusa.head.snapshots import HeadSnapshot
+from medusa.kinematics import Joints
+from medusa.mc3000.axis import Axis
+from medusa.mc3000.board import Mode
+from perception.camera.frame import Camera
+from perception.camera.pairing import FramePair, paired
+
+log = logging.getLogger(__name__)
+
+LIMIT_MARGIN = math.radians(1.0)
+"""The gaze stays this far inside the soft limits, where the axes would refuse or stop."""
+
+
+class Gaze(Protocol):
+    """A gaze behaviour: pure, told the time and what was seen."""
+
+    def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command | None: ...
+
+    def saccade_ended(self, now: float) -> None: ...
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """Times in seconds.
+
+    command_period: the longest time between two looks at the head, each with its commands; a picture brings
+    one at once. pair_bound: two pictures exposed at most so far apart are a pair; pair_patience: how long one
+    waits for the other. too_late: an older picture says nothing any more. search: where to look, in turn, for
+    a target that was not seen for search_after.
+    """
+
+    command_period: float = 0.02
+    pair_bound: float = 0.005
+    pair_patience: float = 0.03
+    too_late: float = 0.6
+    search: Sequence[Joints] = ()
+    search_after: float = 1.0
+
+
+def gaze_limits(head: Head) -> GazeLimits:
+    """What the head's configuration allows a gaze, a margin inside the soft limits."""
+    axes = head.axes
+    return GazeLimits(
+        Joints.from_axes({name: axis.limits[0] + LIMIT_MARGIN for name, axis in axes.items()}),
+        Joints.from_axes({name: axis.limits[1] - LIMIT_MARGIN for name, axis in axes.items()}),
+        Joints.from_axes({name: axis.config.max_speed for name, axis in axes.items()}),
+        Joints.from_axes({name: axis.config.acceleration for name, axis in axes.items()}),
+    )
+
+
+def least_speeds(head: Head) -> Joints:
+    """One count a sample of each axis [rad/s]: what its integral velocity mode cannot go below."""
+    return Joints.from_axes({name: _least_speed(axis) for name, axis in head.axes.items()})
+
+
+def _least_speed(axis: Axis) -> float:
+    return 1 / (axis.config.counts_per_radian * axis.sample_period(Mode.INTEGRAL_VELOCITY))
+
+
+class GazeLoop:
+    """Runs one behaviour on an enabled and homed head with two cameras."""
+
+    def __init__(
+        self,
+        head: Head,
+        cameras: tuple[Camera, Camera],
+        retina: Retina,
+        gaze: Gaze,
+        settings: LoopSettings | None = None,
+        *,
+        on_pair: Callable[[FramePair, Sighting], None] | None = None,
+    ) -> None:
+        self.head = head
+        self.log = TrackLog()
+        self._cameras = cameras
+        self._retina = retina
+        self._gaze = gaze
+        self._settings = settings or LoopSettings()
+        self._on_pair = on_pair
+        self._history = JointHistory()
+        self._pairs: asyncio.Queue[FramePair] = asyncio.Queue()
+        self._news = asyncio.Event()
+        self._fault: Fault | None = None
+        self._blind_until = -math.inf
+        self._last_seen = -math.inf
+        self._searched = 0
+
+    async def run(self, seconds: float) -> TrackLog:
+        """Gaze for so long; the head has been stopped, and that confirmed, when this returns or raises.
+
+        Raises HeadFault when the head stops by itself, CameraError when both cameras are down, and what the
+        link raises.
+        """
+        loop = asyncio.get_running_loop()
+        end_faults = self.head.faults.subscribe(self._note_fault)
+        pump = loop.create_task(self._pump(), name="pair pictures")
+        try:
+            await self._run(loop.time() + seconds, pump)
+        except BaseException:
+            try:
+                await complete(self.head.stop())
+            except MedusaError as error:
+                log.error("%s", error)
+            raise
+        else:
+            await complete(self.head.stop())
+        finally:
+            end_faults()
+            pump.cancel()
+            await asyncio.gather(pump, return_exceptions=True)
+        return self.log
+
+    async def _run(self, end: float, pump: "asyncio.Task[None]") -> None:
+        loop = asyncio.get_running_loop()
+        due = self._last_seen = loop.time()
+        while loop.time() < end:
+            if self._fault is not None:
+                raise HeadFault(self._fault)
+            if pump.done():
+                pump.result()
+            snapshot = await self.head.snapshot()
+            self._history.add(
+                snapshot.time, Joints.from_axes({n: j.angle for n, j in snapshot.joints.items()})
+            )
+            await self._decide(snapshot)
+            if loop.time() >= due:
+                due = max(due + self._settings.command_period, loop.time())
+            if self._pairs.empty():
+                # A picture is acted on when it comes, not when the next command would have been due.
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout_at(due):
+                        await self._news.wait()
+            self._news.clear()
+
+    async def _decide(self, snapshot: HeadSnapshot) -> None:
+        loop = asyncio.get_running_loop()
+        sighting = self._newest_sighting()
+        joints = Joints.from_axes({name: joint.command_angle for name, joint in snapshot.joints.items()})
+        command = self._gaze.step(snapshot.time, joints, sighting)
+        if sighting is not None and sighting.seen:
+            self._last_seen, self._searched = loop.time(), 0
+        unseen = loop.time() - self._last_seen
+        if isinstance(command, Hold) and self._settings.search and unseen > self._settings.search_after:
+            command = Saccade(
+                self._settings.search[self._searched % len(self._settings.search)], "search for a target"
+            )
+            self._searched += 1
+        if command is not None:
+            await self._apply(command)
+        if sighting is not None:
+            self.log.add(sighting, loop.time(), type(command).__name__.lower())
+
+    def _newest_sighting(self) -> Sighting | None:
+        """The newest pair's, made from where the joints stood at its exposure; none of a saccade, none too old."""
+        newest = None
+        now = asyncio.get_running_loop().time()
+        while not self._pairs.empty():
+            pair = self._pairs.get_nowait()
+            joints = self._history.at(pair.stamp)
+            if pair.stamp < self._blind_until or joints is None:
+                self.log.blind_frames += 1
+            elif now - pair.stamp > self._settings.too_late:
+                self.log.late_frames += 1
+            else:
+                newest = self._retina.look(pair, joints)
+                if self._on_pair is not None:
+                    self._on_pair(pair, newest)
+        return newest
+
+    async def _apply(self, command: Command) -> None:
+        if isinstance(command, Saccade):
+            await self._saccade(command)
+        elif isinstance(command, Hold):
+            self.log.holds.append((asyncio.get_running_loop().time(), command.reason))
+            await asyncio.gather(
+                *(self._drive(axis, 0.0) for axis in self.head.axes.values() if axis.command_velocity)
+            )
+        else:
+            await self._pursue(command)
+
+    async def _saccade(self, command: Saccade) -> None:
+        loop = asyncio.get_running_loop()
+        start = loop.time()
+        await asyncio.gather(*(axis.set_mode(Mode.POSITION) for axis in self.head.axes.values()))
+        await self.head.move(command.target.as_axes())
+        self._blind_until = loop.time()
+        self.log.saccades.append((start, self._blind_until, command.reason))
+        self._last_seen = self._blind_until
+        self._gaze.saccade_ended(self._blind_until)
+
+    async def _pursue(self, command: Pursue) -> None:
+        self.log.limited |= command.limited
+        await asyncio.gather(
+            *(self._command(self.head.axes[name], each) for name, each in command.joints.items())
+        )
+
+    async def _command(self, axis: Axis, command: Velocity | Position) -> None:
+        if isinstance(command, Velocity):
+            await self._drive(axis, command.rate)
+            return
+        await axis.set_mode(Mode.POSITION)
+        low, high = axis.limits
+        await axis.command(min(max(command.angle, low), high))
+
+    async def _drive(self, axis: Axis, rate: float) -> None:
+        """Integral velocity, sent only when it changes by a count; none toward a limit without room left."""
+        if rate != 0 and axis.seen is not None and axis.room(rate, axis.seen) <= 0:
+            self.log.limited.add(axis.name)
+            rate = 0.0
+        least = _least_speed(axis)
+        if axis.mode is Mode.INTEGRAL_VELOCITY and round(rate / least) == round(
+            axis.command_velocity / least
+        ):
+            return
+        try:
+            await self.head.velocity({axis.name: rate})
+        except CommandError:
+            # The axis looks again before it obeys: the room may have been used up since our look.
+            if axis.seen is None or axis.room(rate, axis.seen) > 0:
+                raise
+            self.log.limited.add(axis.name)
+            await self.head.velocity({axis.name: 0.0})
+
+    async def _pump(self) -> None:
+        async for pair in paired(
+            *self._cameras, bound=self._settings.pair_bound, patience=self._settings.pair_patience
+        ):
+            self._pairs.put_nowait(pair)
+            self._news.set()
+
+    def _note_fault(self, fault: Fault) -> None:
+        if fault.stops_head and self._fault is None:
+            self._fault = fault
+            self._news.set()

@@ -1,0 +1,168 @@
+"""Homing the head: groups in their order, the zero from the latched edge, the mark last of all."""
+
+import asyncio
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from medusa.completion import complete
+from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
+from medusa.mc3000.board import Mode
+from medusa.mc3000.homing.mark import NO_MARK
+from medusa.mc3000.homing.search import HomingError, HomingFailure, HomingSearch
+from medusa.mc3000.wiring_check import CheckRecord
+
+if TYPE_CHECKING:
+    from medusa.head.joint_group import Head
+
+log = logging.getLogger(__name__)
+
+PRESET_TRIES = 5
+DISABLE_TRIES = 3
+INTERRUPTED_SECONDS = 5.0
+
+
+@dataclass(frozen=True)
+class HomingResult:
+    """One homed joint: the edge's count before the zero was set, how far the coarse search was off, the rest.
+
+    Counts are by the encoder, angles rad, `seconds` the time it took.
+    """
+
+    axis: str
+    latched_counts: int
+    coarse_error_counts: int
+    zero_shift_counts: int
+    angle: float
+    error_counts: int
+    seconds: float
+
+
+async def home_head(head: "Head", names: Iterable[str]) -> dict[str, HomingResult]:
+    """Home joints in the configured groups; raises HomingError, the failed joint left disabled."""
+    wanted = list(names)
+    checked = CheckRecord.of(head.config, head.port_name)
+    unchecked = [name for name in wanted if not checked.holds(name, head.config)]
+    if unchecked:
+        raise CommandError(
+            f"{', '.join(unchecked)}: not checked since the configuration changed (port {head.port_name});"
+            " run check first"
+        )
+    results: dict[str, HomingResult] = {}
+    await head.enable(wanted)
+    for group in head.config.homing.order:
+        together = [name for name in group if name in wanted]
+        if together:
+            results |= {result.axis: result for result in await _home_group(head, together)}
+    return results
+
+
+async def _home_group(head: "Head", names: Sequence[str]) -> list[HomingResult]:
+    """Home joints together; the first failure ends the others, and the one that tells most is raised."""
+    loop = asyncio.get_running_loop()
+    tasks = [loop.create_task(home_axis(head, name)) for name in names]
+    try:
+        done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
+        if pending and all(_was_interrupted(task.exception()) for task in done):
+            # Whose failure interrupted the others is still being disabled and has not been heard yet.
+            await asyncio.wait(pending, timeout=INTERRUPTED_SECONDS)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+    failures = [error for task in tasks if not task.cancelled() and (error := task.exception()) is not None]
+    if failures:
+        raise min(failures, key=_was_interrupted)
+    return [task.result() for task in tasks]
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    return isinstance(error, HomingError) and error.failure is HomingFailure.INTERRUPTED
+
+
+async def home_axis(head: "Head", name: str) -> HomingResult:
+    """Home one enabled joint; raises HomingError, the joint left disabled."""
+    axis = head.axes[name]
+    log.info("%s: homing", name)
+    began = asyncio.get_running_loop().time()
+    axis.homed = False
+    search = HomingSearch(axis, head.faults)
+    with search.listening():
+        try:
+            await axis.board.write_mark(axis.channel, NO_MARK)
+            coarse, latched = await search.find_edge()
+            shift = await _set_zero(head, name, search, latched)
+            axis.homed = True
+            await axis.set_mode(Mode.POSITION)
+            report = await head.move({name: axis.config.home_angle})
+            await axis.board.write_mark(axis.channel, head.mark(name))
+            if await axis.board.read_mark(axis.channel) != head.mark(name):
+                raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
+        except BaseException as error:
+            axis.homed = False
+            await complete(_leave_disabled(head, name))
+            failure = _named(name, error, search)
+            if failure is error:
+                raise
+            raise failure from error
+    log.info("%s: homed, edge at %d counts before the zero was set", name, latched)
+    return HomingResult(
+        axis=name,
+        latched_counts=latched,
+        coarse_error_counts=coarse - latched,
+        zero_shift_counts=shift,
+        angle=report.snapshot.joints[name].angle,
+        error_counts=report.errors_counts[name],
+        seconds=asyncio.get_running_loop().time() - began,
+    )
+
+
+async def _set_zero(head: "Head", name: str, search: HomingSearch, latched: int) -> int:
+    """PRESET so that the latched edge has its configured angle; what was added to the count."""
+    axis = head.axes[name]
+    shift = axis.to_counts(axis.config.home_edge) - latched
+    for _ in range(PRESET_TRIES):
+        before = await search.rest_idle()
+        if await axis.board.position(axis.channel) != before:
+            continue
+        await axis.board.preset(axis.channel, before + shift)
+        after = await axis.board.position(axis.channel)
+        if after == before + shift:
+            return shift
+        # It moved between the reading and the PRESET: what went by is known from no register.
+        raise HomingError(
+            name, HomingFailure.NOT_AT_REST, f"moved {after - before - shift} counts while the zero was set"
+        )
+    raise HomingError(name, HomingFailure.NOT_AT_REST, f"{PRESET_TRIES} times before the zero was set")
+
+
+def _named(name: str, error: BaseException, search: HomingSearch) -> BaseException:
+    """The named failure behind an error; what is no failure of the machine stays what it is."""
+    if not isinstance(error, MedusaError):
+        return error
+    if isinstance(error, HomingError) and error.failure is not HomingFailure.INTERRUPTED:
+        return error
+    failure = search.failure()
+    if failure is not None:
+        return failure
+    if isinstance(error, HomingError):
+        return error
+    if isinstance(error, DeviceRestarted):
+        return HomingError(name, HomingFailure.RESTARTED, str(error))
+    if error.fault in ("port", "line", "device"):
+        return HomingError(name, HomingFailure.LINE_LOST, str(error))
+    return HomingError(name, HomingFailure.INTERRUPTED, str(error))
+
+
+async def _leave_disabled(head: "Head", name: str) -> None:
+    for _ in range(DISABLE_TRIES):
+        try:
+            await head.stopped_by_fault()
+            await head.disable([name])
+            return
+        except NoReply as error:
+            log.warning("%s: not disabled yet: %s", name, error)
+        except MedusaError as error:
+            log.error("%s: could not be disabled: %s", name, error)
+            return

@@ -1,0 +1,240 @@
+"""Measuring a joint's plant on the machine: bounded open-loop pulses from idle, watched all the time.
+
+The motor command goes straight to the DAC (08H). Every pulse is short, within an excursion about where the joint
+stands; the board's watchdog, set short for the while, ends it if the host dies.
+"""
+
+import asyncio
+import logging
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from medusa.errors import CommandError, DeviceFault, MedusaError
+from medusa.mc3000.board import Mode, Register, WatchdogAction
+from medusa.mc3000.board.registers import MOTOR_COMMAND_ZERO
+from medusa.servo.identification import Identification, Pulse, estimate_plant
+
+if TYPE_CHECKING:
+    from medusa.head.joint_group import Head
+    from medusa.mc3000.axis import Axis
+
+log = logging.getLogger(__name__)
+
+WRAP_US = 1 << 32
+WATCHDOG_MS = 100
+PROBE_SECONDS = 0.06
+PROBE_DAC = 4
+PROBE_ENOUGH_COUNTS = 60
+STANDING_LOOKS = 8
+LOOK_SECONDS = 0.005
+"""About what a snapshot takes at 115200 baud."""
+GOLDEN = 0.6180339887498949
+REST_SECONDS = 3.0
+STANDING_COUNTS = 1
+ROOM = 2.0
+"""Room needed each way, in excursions: a pulse whose end is lost runs on until the watchdog has expired."""
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Bounds of the pulses: rad from where the joint stands, s a pulse, DAC counts."""
+
+    excursion: float = math.radians(8.0)
+    pulse_seconds: float = 0.15
+    largest_dac: int = 40
+    repeats: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0 < self.excursion <= math.radians(30.0):
+            raise CommandError(f"an excursion of {math.degrees(self.excursion):g}° is not in (0, 30]°")
+        if not 0.05 <= self.pulse_seconds <= 0.5:
+            raise CommandError(f"a pulse of {self.pulse_seconds:g} s is not in 0.05..0.5 s")
+        if not 4 <= self.largest_dac <= 127:
+            raise CommandError(f"a largest pulse of {self.largest_dac} DAC counts is not in 4..127")
+        if not 1 <= self.repeats <= 10:
+            raise CommandError(f"{self.repeats} repeats of the pulses are not in 1..10")
+
+
+async def identify_axis(head: "Head", name: str, excitation: Excitation | None = None) -> Identification:
+    """Measure T_M, C, friction and the asymmetry of one joint; it is left idle.
+
+    CommandError, and nothing moves, when the joint is not homed or stands too near to a soft limit; DeviceFault
+    when it does not move or runs out of its excursion (it is stopped then).
+    """
+    excitation = excitation or Excitation()
+    axis = _axis(head, name)
+    # Where it stands is asked before the bridge is enabled: a refusal leaves the head as it was.
+    await _check_room(axis, excitation)
+    await head.enable([name], mode=Mode.IDLE)
+    await axis.set_mode(Mode.IDLE)
+    await head.rest([name])
+    safety = head.config.safety
+    try:
+        await axis.board.watchdog(min(WATCHDOG_MS, safety.board_watchdog_ms), WatchdogAction.IDLE)
+        pulses = await _pulses(axis, excitation)
+    except BaseException as error:
+        # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
+        try:
+            await asyncio.shield(asyncio.ensure_future(_leave(head, axis)))
+        except MedusaError as unconfirmed:
+            log.error("%s: %s", name, unconfirmed)
+        if isinstance(error, CommandError) and error.status is not None:
+            # The joint was moving: a board that now refuses has stopped it.
+            raise DeviceFault(f"{name}: stopped while it was measured: {error}", axis=name) from error
+        raise
+    await _leave(head, axis)
+    found = estimate_plant(pulses)
+    log.info(
+        "%s: T_M %.2f ms, C %.1f counts/s per DAC count, friction %.2f DAC counts",
+        name,
+        found.plant.time_constant * 1e3,
+        found.plant.velocity_gain,
+        found.friction_dac,
+    )
+    return found
+
+
+def _axis(head: "Head", name: str) -> "Axis":
+    if name not in head.axes:
+        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(head.axes)}")
+    return head.axes[name]
+
+
+async def _check_room(axis: "Axis", excitation: Excitation) -> None:
+    if not axis.homed:
+        raise CommandError(f"{axis.name}: is not homed, so its soft limits cannot be kept; home it first")
+    angle = await axis.position()
+    needed = ROOM * excitation.excursion
+    for limit in axis.limits:
+        if abs(limit - angle) < needed or not axis.limits[0] <= angle <= axis.limits[1]:
+            raise CommandError(
+                f"{axis.name}: stands at {math.degrees(angle):.2f}°, {math.degrees(abs(limit - angle)):.2f}° from "
+                f"its soft limit of {math.degrees(limit):.2f}°; the excitation needs {math.degrees(needed):.2f}° "
+                "each way"
+            )
+
+
+async def _leave(head: "Head", axis: "Axis") -> None:
+    """The DAC at zero, the joint idle and at rest, the watchdog as the configuration has it."""
+    try:
+        await axis.set_mode(Mode.IDLE)
+        await head.rest([axis.name])
+    finally:
+        safety = head.config.safety
+        action = WatchdogAction.IDLE if safety.board_watchdog_action == "idle" else WatchdogAction.STOP
+        await axis.board.watchdog(safety.board_watchdog_ms, action)
+
+
+async def _pulses(axis: "Axis", excitation: Excitation) -> list[Pulse]:
+    counts = abs(axis.counts_per_radian) * excitation.excursion
+    watcher = _Watcher(axis, counts)
+    dac, rate = await _probe(watcher, excitation)
+    # The way of a pulse is at most C u d: chosen so that the greatest goes the excursion, or has the largest DAC.
+    largest = min(excitation.largest_dac, int(counts / (rate * excitation.pulse_seconds)))
+    largest = max(largest, 2 * dac)
+    small = max(largest // 2, dac)
+    log.debug("%s: pulses of %d and %d DAC counts", axis.name, largest, small)
+    sizes = [way * size for size in (largest, small) for way in (1, -1)] * excitation.repeats
+    return [await watcher.pulse(size, excitation.pulse_seconds) for size in sizes]
+
+
+async def _probe(watcher: "_Watcher", excitation: Excitation) -> tuple[int, float]:
+    """The least doubling of DAC counts that moves the joint, and how much faster one more drives it (counts/s).
+
+    Two sizes are tried, so that what the friction takes off both does not look like a slow joint.
+    """
+    dac = min(PROBE_DAC, excitation.largest_dac // 2)
+    while True:
+        moved, seconds = await _there_and_back(watcher, dac)
+        if moved >= PROBE_ENOUGH_COUNTS:
+            more, _ = await _there_and_back(watcher, 2 * dac)
+            return dac, max(more - moved, moved) / (dac * seconds)
+        if 4 * dac > excitation.largest_dac:
+            raise DeviceFault(
+                f"{watcher.axis.name}: {moved:.0f} counts after {dac} DAC counts for {PROBE_SECONDS * 1e3:.0f} ms, "
+                f"{PROBE_ENOUGH_COUNTS} needed: no power, a stuck joint, or more friction than that",
+                axis=watcher.axis.name,
+            )
+        dac *= 2
+
+
+async def _there_and_back(watcher: "_Watcher", dac: int) -> tuple[float, float]:
+    """(counts gone, s that the pulse lasted), the greater of both ways."""
+    there = await watcher.pulse(dac, PROBE_SECONDS)
+    back = await watcher.pulse(-dac, PROBE_SECONDS)
+    moved = max(abs(float(p.counts[-1] - p.counts[0])) for p in (there, back))
+    return moved, (sum(there.off_bracket) - sum(there.on_bracket)) / 2
+
+
+class _Watcher:
+    """Drives one idle joint open-loop and records it by snapshots, as fast as the line takes them."""
+
+    def __init__(self, axis: "Axis", excursion_counts: float) -> None:
+        self.axis = axis
+        self._excursion = excursion_counts
+        self._start: int | None = None
+        self._origin_us: int | None = None
+        self._count = 0
+        self._samples: list[tuple[float, int, int]] = []
+
+    async def pulse(self, dac: int, seconds: float) -> Pulse:
+        """One pulse from rest to rest; the DAC is at zero when it ends, however it ends."""
+        loop = asyncio.get_running_loop()
+        self._samples = []
+        # Each pulse is looked at in a phase of its own, or all would show the same rounding of the counts.
+        self._count += 1
+        phase = LOOK_SECONDS * (self._count * GOLDEN % 1.0)
+        for _ in range(3):
+            await self._look()
+        try:
+            await self._drive(dac)
+            end = loop.time() + seconds
+            await asyncio.sleep(phase)
+            while loop.time() < end:
+                await self._look()
+        finally:
+            await asyncio.shield(asyncio.ensure_future(self._drive(0)))
+        await asyncio.sleep(phase)
+        await self._coast()
+        time, counts, shown = zip(*self._samples, strict=True)
+        return Pulse(dac, np.array(time), np.array(counts, dtype=np.float64), np.array(shown, dtype=np.int64))
+
+    async def _drive(self, dac: int) -> None:
+        await self.axis.board.write(
+            self.axis.channel, Register.MOTOR_COMMAND, bytes([MOTOR_COMMAND_ZERO + dac])
+        )
+
+    async def _look(self) -> int:
+        snapshot = await self.axis.board.snapshot()
+        seen = snapshot.axes[self.axis.channel]
+        if self._origin_us is None:
+            self._origin_us = snapshot.time_us
+        time = ((snapshot.time_us - self._origin_us) % WRAP_US) * 1e-6
+        self._samples.append((time, seen.actual, seen.motor_command))
+        if self._start is None:
+            self._start = seen.actual
+        if seen.mode is not Mode.IDLE:
+            raise DeviceFault(f"{self.axis.name}: left idle while it was measured", axis=self.axis.name)
+        away = abs(seen.actual - self._start)
+        if away > 1.5 * self._excursion:
+            raise DeviceFault(
+                f"{self.axis.name}: ran {away} counts from where it stood, {self._excursion:.0f} were meant; stopped",
+                axis=self.axis.name,
+            )
+        return seen.actual
+
+    async def _coast(self) -> None:
+        """Look on until the joint stands; the board's own inputs end a pulse that meets a switch."""
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + REST_SECONDS
+        history: list[int] = []
+        while len(history) < STANDING_LOOKS or max(history) - min(history) > STANDING_COUNTS:
+            if loop.time() > deadline:
+                raise DeviceFault(
+                    f"{self.axis.name}: does not come to rest within {REST_SECONDS:g} s of a pulse",
+                    axis=self.axis.name,
+                )
+            history = [*history[1 - STANDING_LOOKS :], await self._look()]

@@ -1,0 +1,73 @@
+"""Connecting to a head that is not quite as expected: what is refused, what is only said."""
+
+import asyncio
+import struct
+
+import pytest
+
+from medusa.errors import NoReply, ProtocolError
+from medusa.head.joint_group import Head
+from medusa.mc3000.board import Inputs
+from medusa.servo_amp import AmplifierLine
+from medusa.simulation import SimulatedHead
+
+
+async def test_chips_with_another_clock_are_refused(
+    sim: SimulatedHead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A board of half the clock: every speed of the configuration would be half of what was checked.
+    monkeypatch.setattr(sim.machine.boards[2], "hello_part", lambda: struct.pack("<BI", 3, 1_000_000))
+    with pytest.raises(ProtocolError, match="board 02H: its chips run at 1000000 Hz, not at 2000000 Hz"):
+        async with sim.open():
+            pass
+
+
+async def test_a_head_whose_amplifiers_are_not_heard_is_looked_at_and_stopped_but_not_believed_homed(
+    sim: SimulatedHead,
+) -> None:
+    async with sim.open() as head:
+        await head.home(["pan"])
+    sim.bench.inject("wire.stall", line="servo-amps", seconds=60.0)
+    async with sim.open() as head:
+        assert not head.axes["pan"].homed
+        await head.snapshot()
+        await head.stop()
+        with pytest.raises(NoReply):
+            await head.enable(["pan"])
+    sim.bench.inject("wire.hang_up", line="servo-amps", seconds=0.1)
+    async with Head.open(sim.config, sim.boards, False, port_name="simulated") as head:
+        assert not head.amplifiers
+        await head.stop()
+
+
+async def test_homing_is_believed_again_once_the_amplifiers_are_heard(sim: SimulatedHead) -> None:
+    async with sim.open() as head:
+        await head.home(["pan"])
+    sim.bench.inject("wire.stall", line="servo-amps", seconds=1.0)
+    async with sim.open() as head:
+        assert not head.axes["pan"].homed
+    await asyncio.sleep(1.0)
+    async with sim.open() as head:
+        assert head.axes["pan"].homed
+
+
+@pytest.mark.parametrize("after", [0.1, 2.0], ids=["before its amplifiers notice", "after they noticed"])
+async def test_what_a_dead_host_left_of_its_bridges_is_cleared_for_good(
+    sim: SimulatedHead, after: float
+) -> None:
+    async with AmplifierLine(sim.amps) as line:
+        for address in (1, 4):
+            await line.amplifier(address).enable()
+            await line.amplifier(address).watchdog(1000)
+    await asyncio.sleep(after)
+    async with sim.open() as head:
+        assert await head.clear() == {}
+    joints = sim.bench.state()["head"]["joints"]
+    assert {joint["bridge"] for joint in joints.values()} == {"inhibited"}
+    # Nobody feeds the amplifiers now, and none of them minds.
+    await asyncio.sleep(10.0)
+    async with sim.open() as head:
+        await head.enable()
+        assert not any(
+            joint.inputs & Inputs.FAULT_LATCHED for joint in (await head.snapshot()).joints.values()
+        )
