@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from medusa.head.joint_group import Head
+    from medusa.head.joint_group import JointGroup
     from medusa.link import Trace
     from perception.camera.intrinsics import Intrinsics
     from perception.camera.slot import SlotCamera
@@ -48,12 +48,12 @@ class SimulatedHead:
 
     def open(
         self, config: HeadConfig | None = None, trace: Trace | None = None
-    ) -> AbstractAsyncContextManager[Head]:
+    ) -> AbstractAsyncContextManager[JointGroup]:
         """Connect to it as to a real one; the same seed gives the same bytes."""
-        from medusa.head.joint_group import Head
+        from medusa.machines import open_head
 
-        return Head.open(
-            config or self.config, self.boards, self.amps, trace, port_name=PORT_NAME, seed=self.seed
+        return open_head(
+            config or self.config, self.boards, self.amps, trace=trace, port_name=PORT_NAME, seed=self.seed
         )
 
     def cameras(

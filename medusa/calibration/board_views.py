@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from medusa.calibration.head_geometry import EyeView, HeadView
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 from medusa.kinematics import Joints
 from perception.camera.calibration import Board, BoardView
 from perception.camera.errors import CameraError
@@ -48,7 +48,7 @@ def postures(count: int, *, pan: float, tilt: float, version: float, vergence: f
 
 
 async def collect_postures(
-    head: Head, cameras: tuple[Camera, Camera], board: Board, wanted: Sequence[Joints], tell: Tell
+    head: JointGroup, cameras: tuple[Camera, Camera], board: Board, wanted: Sequence[Joints], tell: Tell
 ) -> list[Posture]:
     """Move to each posture and look at the board from it, at rest."""
     seen = []
@@ -56,8 +56,8 @@ async def collect_postures(
         await head.move(target.as_axes())
         await asyncio.sleep(AT_REST_S)
         pair = await _next_pair(cameras, asyncio.get_running_loop().time())
-        snapshot = await head.snapshot()
-        joints = Joints.from_axes({name: joint.angle for name, joint in snapshot.joints.items()})
+        reading = await head.read()
+        joints = Joints.from_axes({name: joint.angle for name, joint in reading.joints.items()})
         left, right = (None if f is None else board.find(f.image) for f in (pair.left, pair.right))
         seen.append(Posture(joints, left, right))
         corners = [0 if view is None else len(view.points) for view in (left, right)]

@@ -13,8 +13,8 @@ from medusa.cli.options import Options
 from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
-    from medusa.head.snapshots import HeadSnapshot
+    from medusa.head.drive import Reading
+    from medusa.head.joint_group import JointGroup
 
 # Pan, tilt, version, vergence in degrees: a look around, near and far.
 GAZES = (
@@ -35,7 +35,7 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where table and picture go.")] = Path(
         "out/demo"
     ),
-    rate: float = typer.Option(20.0, min=1.0, max=50.0, help="Snapshots a second."),
+    rate: float = typer.Option(20.0, min=1.0, max=50.0, help="Readings a second."),
     dwell: float = typer.Option(0.5, min=0.0, max=10.0, help="Seconds at each gaze direction."),
     picture: bool = typer.Option(True, help="Draw the picture."),
 ) -> None:
@@ -57,9 +57,9 @@ def demo(
     options.say(f"left behind: {out / 'demo.json'}" + (f", {out / 'demo.png'}" if picture else ""))
 
 
-def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, Any], list[HeadSnapshot]]":
-    """The demo itself: what it reached, and its snapshots."""
-    film: list[HeadSnapshot] = []
+def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, Any], list[Reading]]":
+    """The demo itself: what it reached, and its readings."""
+    film: list[Reading] = []
 
     async def body() -> dict[str, Any]:
         from medusa.kinematics import Joints, eyes_from_version
@@ -94,10 +94,10 @@ def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, An
     return options.run(body), film
 
 
-async def _film(head: "Head", rate: float, film: "list[HeadSnapshot]") -> None:
+async def _film(head: "JointGroup", rate: float, film: "list[Reading]") -> None:
     with contextlib.suppress(asyncio.CancelledError):
-        async for snapshot in head.snapshots(rate):
-            film.append(snapshot)
+        async for reading in head.readings(rate):
+            film.append(reading)
 
 
 def _row(name: str, angles: dict[str, float], report: Any) -> dict[str, Any]:
@@ -105,9 +105,9 @@ def _row(name: str, angles: dict[str, float], report: Any) -> dict[str, Any]:
     for axis, angle in angles.items():
         row[axis] = round(angle, 3)
     for axis in angles:
-        row[f"{axis}_error"] = round(math.degrees(report.snapshot.joints[axis].angle) - angles[axis], 4)
-    row["slowest_ms"] = round(1e3 * max(report.planned.values()), 1)
-    row["settled"] = all(report.settled.values())
+        row[f"{axis}_error"] = round(math.degrees(report.reading.joints[axis].angle) - angles[axis], 4)
+    row["slowest_ms"] = round(1e3 * report.plan.duration, 1)
+    row["settled"] = report.all_settled
     return row
 
 

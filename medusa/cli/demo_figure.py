@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from medusa.mc3000.board import Inputs, Mode
 
 if TYPE_CHECKING:
-    from medusa.head.snapshots import HeadSnapshot, JointState
+    from medusa.head.drive import JointState, Reading
 
 COLOURS = {"pan": "#1b4f72", "tilt": "#b9770e", "left_vergence": "#1e8449", "right_vergence": "#943126"}
 STATES = (
@@ -17,7 +17,7 @@ STATES = (
 )
 
 
-def draw_demo(film: "Sequence[HeadSnapshot]", marks: Sequence[tuple[str, float]], path: Path) -> None:
+def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], path: Path) -> None:
     """Write the picture; raises OSError when it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -26,13 +26,13 @@ def draw_demo(film: "Sequence[HeadSnapshot]", marks: Sequence[tuple[str, float]]
     FigureCanvasAgg(figure)
     figure.suptitle("medusa-ctl demo: home, look around, park", fontsize=13, x=0.01, ha="left")
     axes: Any = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 1.6))
-    times = [snapshot.time for snapshot in film]
+    times = [reading.time for reading in film]
     for name, colour in COLOURS.items():
-        joints = [snapshot.joints[name] for snapshot in film]
+        joints = [reading.joints[name] for reading in film]
         label = name.replace("_", " ")
         axes[0].plot(times, [math.degrees(j.angle) for j in joints], color=colour, lw=1.8, label=label)
         axes[0].plot(times, [_commanded_deg(j) for j in joints], color="#222222", lw=0.8, ls=(0, (2, 2)))
-        axes[1].step(times, [j.motor_command_counts for j in joints], color=colour, lw=1.1, where="post")
+        axes[1].step(times, [j.device.motor_command for j in joints], color=colour, lw=1.1, where="post")
     axes[0].plot([], [], color="#222222", lw=0.8, ls=(0, (2, 2)), label="commanded")
     _mark(axes, marks)
     axes[0].set_ylabel("joint angle [°]")
@@ -52,7 +52,7 @@ def draw_demo(film: "Sequence[HeadSnapshot]", marks: Sequence[tuple[str, float]]
 
 def _commanded_deg(joint: "JointState") -> float:
     """The command position while something holds to it; an idle chip's is a leftover."""
-    return math.nan if joint.mode is Mode.IDLE else math.degrees(joint.command_angle)
+    return math.nan if joint.device.mode is Mode.IDLE else math.degrees(joint.commanded)
 
 
 def _mark(axes: Any, marks: Sequence[tuple[str, float]]) -> None:
@@ -73,11 +73,11 @@ def _mark(axes: Any, marks: Sequence[tuple[str, float]]) -> None:
         start = end
 
 
-def _draw_states(axes: Any, film: "Sequence[HeadSnapshot]", times: Sequence[float]) -> None:
+def _draw_states(axes: Any, film: "Sequence[Reading]", times: Sequence[float]) -> None:
     """A lane a joint: where its home sensor is on, where a limit switch is closed."""
     for lane, (name, colour) in enumerate(COLOURS.items()):
         for _, bits, strength in STATES:
-            on = [bool(snapshot.joints[name].inputs & bits) for snapshot in film]
+            on = [bool(reading.joints[name].device.inputs & bits) for reading in film]
             height = 0.34 if bits == Inputs.HOME else 0.8
             axes.fill_between(
                 times,

@@ -10,8 +10,9 @@ from medusa.cli.options import Options
 from medusa.cli.tables import make_table, print_table
 
 if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
-    from medusa.head.snapshots import HeadSnapshot
+    from medusa.head.drive import Reading
+    from medusa.head.joint_group import JointGroup
+    from medusa.mc3000.axis import Axis
 
 raw = typer.Typer(
     no_args_is_help=True, help="Read or write registers of an axis chip. Knows no limits: see the page."
@@ -29,20 +30,23 @@ def info(context: typer.Context) -> None:
     options: Options = context.obj
 
     async def body() -> None:
+        from medusa.mc3000.drive import Mc3000Drive
+
         async with options.head() as (head, _):
+            drive = Mc3000Drive.of(head)
             boards = [
                 {
                     "board": f"{address:02X}H",
                     "firmware": f"{board.firmware >> 8}.{board.firmware & 0xFF}",
                     "boot_count": board.boot_count,
                     "clock_hz": board.clock_hz,
-                    "axes": ", ".join(n for n, a in head.axes.items() if a.board is board),
+                    "axes": ", ".join(n for n, a in drive.axes.items() if a.board is board),
                 }
-                for address, board in head.boards.items()
+                for address, board in drive.boards.items()
             ]
             amplifiers = [
                 {"axis": name, "amplifier": f"{a.address:02X}H", "name": await a.name()}
-                for name, a in head.amplifiers.items()
+                for name, a in drive.amplifiers.items()
             ]
 
         def render() -> None:
@@ -54,28 +58,15 @@ def info(context: typer.Context) -> None:
     options.run(body)
 
 
-def joint_rows(snapshot: "HeadSnapshot") -> list[dict[str, Any]]:
+def joint_rows(head: "JointGroup", reading: "Reading") -> list[dict[str, Any]]:
     """One row a joint; angles that are not known yet are None."""
     rows = []
-    for name, joint in snapshot.joints.items():
+    for name, details in head.drive.details(reading).items():
+        joint = reading.joints[name]
         angle = None if math.isnan(joint.angle) else round(math.degrees(joint.angle), 4)
-        rows.append(
-            {
-                "axis": name,
-                "homed": joint.homed,
-                "mode": joint.mode.name.lower().replace("_", " "),
-                "angle_deg": angle,
-                "position_counts": joint.position_counts,
-                "command_counts": joint.command_counts,
-                "motor_command": joint.motor_command_counts,
-                "inputs": _flags(joint.inputs),
-            }
-        )
+        mode = {"mode": details.pop("mode")} if "mode" in details else {}
+        rows.append({"axis": name, "homed": joint.homed, **mode, "angle_deg": angle, **details})
     return rows
-
-
-def _flags(value: Any) -> str:
-    return ", ".join(str(flag.name).lower().replace("_", " ") for flag in value) or "–"
 
 
 def status(context: typer.Context) -> None:
@@ -84,22 +75,25 @@ def status(context: typer.Context) -> None:
 
     async def body() -> None:
         async with options.head() as (head, _):
-            rows = joint_rows(await head.snapshot())
-            bridges = await _amplifier_rows(head)
+            rows = joint_rows(head, await head.read())
+            amplifiers = await _amplifier_rows(head)
 
         def render() -> None:
             print_table("joints", rows)
-            if bridges:
-                print_table("amplifiers", bridges)
+            if amplifiers:
+                print_table("amplifiers", amplifiers)
 
-        options.show({"joints": rows, "amplifiers": bridges}, render)
+        options.show({"joints": rows, "amplifiers": amplifiers}, render)
 
     options.run(body)
 
 
-async def _amplifier_rows(head: "Head") -> list[dict[str, Any]]:
+async def _amplifier_rows(head: "JointGroup") -> list[dict[str, Any]]:
+    from medusa.mc3000.drive import Mc3000Drive
+
     rows = []
-    for name, amplifier in head.amplifiers.items():
+    amplifiers = head.drive.amplifiers if isinstance(head.drive, Mc3000Drive) else {}
+    for name, amplifier in amplifiers.items():
         found = await amplifier.status()
         rows.append(
             {
@@ -146,9 +140,9 @@ def monitor(
             end = began + (seconds or math.inf)
             console = Console(stderr=options.json)
             with Live(console=console, auto_refresh=False) as live:
-                async for snapshot in head.snapshots(rate):
-                    rows = options.so_far["joints"] = joint_rows(snapshot)
-                    title = f"joints, {snapshot.time - began:.1f} s after connecting"
+                async for reading in head.readings(rate):
+                    rows = options.so_far["joints"] = joint_rows(head, reading)
+                    title = f"joints, {reading.time - began:.1f} s after connecting"
                     live.update(make_table(title, rows), refresh=True)
                     if loop.time() >= end:
                         break
@@ -173,8 +167,8 @@ def read(
 
     async def body() -> None:
         async with options.head() as (head, _):
-            joint = _joint(head, axis)
-            values = await joint.board.read(joint.channel, first, count)
+            chip = _axis(head, axis)
+            values = await chip.board.read(chip.channel, first, count)
         options.show(
             {"axis": axis, "register": first, "values": list(values)},
             lambda: print(" ".join(f"{first + i:02X}H={value:02X}H" for i, value in enumerate(values))),
@@ -197,8 +191,8 @@ def write(
 
     async def body() -> None:
         async with options.head() as (head, _):
-            joint = _joint(head, axis)
-            await joint.board.write(joint.channel, first, data)
+            chip = _axis(head, axis)
+            await chip.board.write(chip.channel, first, data)
         options.show({"axis": axis, "register": first, "written": list(data)}, lambda: print("written"))
 
     options.run(body)
@@ -214,9 +208,11 @@ def _byte(options: Options, text: str) -> int:
     return value
 
 
-def _joint(head: "Head", name: str) -> Any:
+def _axis(head: "JointGroup", name: str) -> "Axis":
     from medusa.errors import CommandError
+    from medusa.mc3000.drive import Mc3000Drive
 
-    if name not in head.axes:
-        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(head.axes)}")
-    return head.axes[name]
+    axes = Mc3000Drive.of(head).axes
+    if name not in axes:
+        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(axes)}")
+    return axes[name]

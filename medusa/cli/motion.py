@@ -3,12 +3,17 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from medusa.cli.options import Options
 from medusa.cli.tables import print_table
+
+if TYPE_CHECKING:
+    from medusa.head.faults import Cause
+    from medusa.head.joint_group import JointGroup
+    from medusa.head.moves import MoveReport
 
 AXES = "pan, tilt, left_vergence, right_vergence"
 
@@ -92,25 +97,38 @@ def move(
     async def body() -> None:
         async with options.head(homed=True, joints=targets) as (head, _):
             report = await head.move({name: math.radians(angle) for name, angle in targets.items()})
+        errors = error_counts(head, report)
         rows = [
             {
                 "axis": name,
                 "target_deg": round(targets[name], 4),
-                "angle_deg": round(math.degrees(report.snapshot.joints[name].angle), 4),
-                "error_counts": report.errors_counts[name],
-                "profile_ms": round(1e3 * report.planned[name], 1),
+                "angle_deg": round(math.degrees(report.reading.joints[name].angle), 4),
+                **errors[name],
+                "profile_ms": round(1e3 * report.plan.seconds[name], 1),
                 "settled": report.settled[name],
             }
             for name in targets
         ]
         document: dict[str, Any] = {
             "moved": rows,
-            "skew_ms": round(1e3 * report.skew, 3),
-            "starts_repeated_on": [f"{address:02X}H" for address in report.repeated],
+            "skew_ms": round(1e3 * report.start_skew, 3),
+            "starts_repeated_on": list(report.ends.repeated),
         }
         options.show(document, lambda: print_table("moved", rows))
 
     options.run(body)
+
+
+def error_counts(head: "JointGroup", report: "MoveReport") -> dict[str, dict[str, int]]:
+    """By joint the error at the end in counts, where the machine has counts."""
+    errors = {}
+    for name, now in head.drive.details(report.reading).items():
+        planned = report.plan.details.get(name, {})
+        has_counts = "final_counts" in planned and "position_counts" in now
+        errors[name] = (
+            {"error_counts": planned["final_counts"] - now["position_counts"]} if has_counts else {}
+        )
+    return errors
 
 
 def jog(
@@ -123,13 +141,13 @@ def jog(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.head.faults import HeadFault
+        from medusa.head.faults import JointFault
 
         async with options.head(homed=True, joints=[axis]) as (head, _):
             _known(head, axis)
             _check_speed(head, axis, speed)
             faults: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-            end = head.faults.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))
+            end = head.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))
             try:
                 taken = await head.velocity({axis: math.radians(speed)})
                 options.say(f"{axis}: {math.degrees(taken[axis]):+.3f}°/s for {seconds:g} s")
@@ -137,10 +155,10 @@ def jog(
             finally:
                 end()
             if faults.done():
-                raise HeadFault(faults.result(), await head.stopped_by_fault())
+                raise JointFault(faults.result(), await head.stopped_by_fault())
             await head.stop()
-            snapshot = await head.snapshot()
-        angle = math.degrees(snapshot.joints[axis].angle)
+            reading = await head.read()
+        angle = math.degrees(reading.joints[axis].angle)
         options.show(
             {"axis": axis, "speed_deg_s": math.degrees(taken[axis]), "angle_deg": angle},
             lambda: print(f"{axis}: stands at {angle:.3f}°"),
@@ -149,16 +167,14 @@ def jog(
     options.run(body)
 
 
-def _check_speed(head: Any, name: str, speed_deg_s: float) -> None:
-    """Raise CommandError for a speed that the chip would round to standstill."""
+def _check_speed(head: "JointGroup", name: str, speed_deg_s: float) -> None:
+    """Raise CommandError for a speed that the machine would round to standstill."""
     from medusa.errors import CommandError
-    from medusa.mc3000.board import Mode
 
-    axis = head.axes[name]
-    slowest = math.degrees(1 / (axis.config.counts_per_radian * axis.sample_period(Mode.INTEGRAL_VELOCITY)))
+    slowest = math.degrees(head.traits[name].rate_step)
     if 0 < abs(speed_deg_s) < slowest / 2:
         raise CommandError(
-            f"{name}: {speed_deg_s:g}°/s is less than half a count a sample; the slowest is {slowest:.3f}°/s"
+            f"{name}: {speed_deg_s:g}°/s is less than half a step of its rate; the slowest is {slowest:.3f}°/s"
         )
 
 
@@ -216,7 +232,7 @@ def clear(context: typer.Context) -> None:
 
     async def body() -> None:
         async with options.head() as (head, _):
-            left = {name: str(inputs.name) for name, inputs in (await head.clear()).items()}
+            left = {name: latched_names(causes) for name, causes in (await head.clear()).items()}
         options.show(
             {"still_latched": left},
             lambda: print(
@@ -229,14 +245,23 @@ def clear(context: typer.Context) -> None:
     options.run(body)
 
 
+def latched_names(causes: "frozenset[Cause]") -> str:
+    """Latched causes as documents name them: LIMIT_LATCHED, EMERGENCY_STOP_LATCHED, FAULT_LATCHED."""
+    from medusa.head.faults import Cause
+
+    return "|".join(
+        f"{'FAULT' if cause is Cause.DRIVE else cause.name}_LATCHED" for cause in Cause if cause in causes
+    )
+
+
 def park(context: typer.Context) -> None:
-    """Move to the park angles, go idle, inhibit the bridges."""
+    """Move to the park angles, go idle, inhibit the amplifiers."""
     options: Options = context.obj
 
     async def body() -> None:
         async with options.head(homed=True) as (head, _):
             report = await head.park()
-        angles = {n: round(math.degrees(j.angle), 4) for n, j in report.snapshot.joints.items()}
+        angles = {n: round(math.degrees(j.angle), 4) for n, j in report.reading.joints.items()}
         options.show(
             {"parked_deg": angles},
             lambda: print("parked: " + ", ".join(f"{name} {angle:.3f}°" for name, angle in angles.items())),
@@ -245,8 +270,8 @@ def park(context: typer.Context) -> None:
     options.run(body)
 
 
-def _known(head: Any, name: str) -> None:
+def _known(head: "JointGroup", name: str) -> None:
     from medusa.errors import CommandError
 
-    if name not in head.axes:
-        raise CommandError(f"there is no joint {name!r}; the head has {AXES}")
+    if name not in head.traits:
+        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(head.traits)}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import typer
 
 if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
+    from medusa.head.joint_group import JointGroup
     from medusa.link import Trace
     from medusa.mc3000.config import HeadConfig
     from medusa.simulation import SimulatedHead
@@ -181,7 +181,7 @@ class Options:
         enable: bool = False,
         amplifiers: bool = True,
         world: Any = None,
-    ) -> AsyncIterator["tuple[Head, SimulatedHead | None]"]:
+    ) -> AsyncIterator["tuple[JointGroup, SimulatedHead | None]"]:
         """The head, emulated or real, connected and at rest; enabled, or homed, when the command needs that.
 
         `joints`: those that the command moves (default: all). An emulated head has just been switched on: it is
@@ -189,7 +189,7 @@ class Options:
         Without `amplifiers` a real head's are left alone: neither their port nor their answers are needed.
         """
         from medusa.errors import CommandError, NoReply
-        from medusa.head.joint_group import Head
+        from medusa.machines import open_head
 
         if self.sim and (self.boards or self.amps):
             raise CommandError("--sim brings its own ports: leave --boards and --amps out")
@@ -207,7 +207,7 @@ class Options:
             else:
                 if config is None:
                     raise AssertionError("a real head has a configuration")
-                opening = Head.open(config, self.boards, self.amps if amplifiers else False, trace)
+                opening = open_head(config, self.boards, self.amps if amplifiers else False, trace=trace)
                 try:
                     head = await stack.enter_async_context(opening)
                 except NoReply as error:
@@ -218,8 +218,9 @@ class Options:
                 self.say("simulated head, just switched on: homing it first")
                 await head.home()
             elif homed:
-                needed = head.axes if joints is None else joints
-                away = [name for name, axis in head.axes.items() if name in needed and not axis.homed]
+                needed = head.traits if joints is None else joints
+                reading = await head.read()
+                away = [name for name, joint in reading.joints.items() if name in needed and not joint.homed]
                 if away:
                     raise CommandError(f"{', '.join(away)}: not homed; run `medusa-ctl home` first")
                 await head.enable(needed)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from medusa.cli.motion import AXES
+from medusa.cli.motion import AXES, error_counts
 from medusa.cli.options import Options
 from medusa.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from medusa.head.saccade import SaccadeReport
+    from medusa.head.joint_group import JointGroup
+    from medusa.head.moves import MoveReport
     from medusa.mc3000.tuning import Tuning
     from medusa.servo.identification import Identification
     from medusa.servo.position_filter import FilterRegisters
@@ -73,12 +74,12 @@ def identify(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.mc3000.plant_measurement import Excitation, identify_axis
+        from medusa.mc3000.plant_measurement import Excitation, measure_plant
         from medusa.replace_file import replace_file
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
         async with options.head(homed=True, joints=[axis]) as (head, _):
-            row = _identified(axis, await identify_axis(head, axis, excitation))
+            row = _identified(axis, await measure_plant(head, axis, excitation))
         if save is not None:
             replace_file(save, json.dumps(row, indent=1) + "\n")
         options.show(row, lambda: _print_identified(row))
@@ -116,6 +117,7 @@ def tune(
 
     async def body() -> None:
         from medusa.config.file import write_keys
+        from medusa.mc3000.drive import Mc3000Drive
         from medusa.mc3000.plant_measurement import Excitation
         from medusa.mc3000.tuning import tune_axes, write_filter
 
@@ -125,7 +127,7 @@ def tune(
             tunings = await tune_axes(head, axes, timer=timer, registers=registers, excitation=bounds)
             if write:
                 # The file first: it is what a board is loaded from, and its limits may refuse the bytes.
-                file = head.config.file
+                file = Mc3000Drive.of(head).config.file
                 if file is not None:
                     write_keys(file, {key: value for t in tunings for key, value in t.keys.items()})
                 for tuning in tunings:
@@ -192,46 +194,41 @@ def saccade(
 
     async def body() -> None:
         from medusa.errors import DeviceFault
-        from medusa.head.saccade import saccade as run_saccade
         from medusa.head.saccade import saccade_targets
 
         async with options.head(homed=True, joints=moved) as (head, _):
-            snapshot = await head.snapshot()
-            now = {name: joint.command_angle for name, joint in snapshot.joints.items()}
+            now = {name: joint.commanded for name, joint in (await head.read()).joints.items()}
             given = {n: math.radians(angle) for n, angle in asked.items() if angle is not None}
-            report = await run_saccade(head, saccade_targets(now, **given))
-        if not report.settled:
-            away = [
-                f"{n} ({report.move.errors_counts[n]} counts)"
-                for n, ok in report.move.settled.items()
-                if not ok
-            ]
-            raise DeviceFault(f"{', '.join(away)}: arrived but not settled")
-        rows = _saccade_rows(report)
+            report = await head.move(saccade_targets(now, **given), together=True)
+        rows = _saccade_rows(head, report)
+        if not report.all_settled:
+            away = [n for n, ok in report.settled.items() if not ok]
+            errors = ", ".join(f"{n} ({math.degrees(report.errors[n]):+.3f}°)" for n in away)
+            raise DeviceFault(f"{errors}: arrived but not settled")
         skew = None if math.isnan(report.end_skew) else round(1e3 * report.end_skew, 3)
-        document = {"saccade": rows, "seconds": report.plan.seconds, "end_skew_ms": skew}
+        document = {"saccade": rows, "seconds": report.plan.duration, "end_skew_ms": skew}
         options.show(document, lambda: _print_saccade(rows, report))
 
     options.run(body)
 
 
-def _saccade_rows(report: "SaccadeReport") -> list[dict[str, Any]]:
-    plan, move = report.plan, report.move
+def _saccade_rows(head: "JointGroup", report: "MoveReport") -> list[dict[str, Any]]:
+    plan, errors = report.plan, error_counts(head, report)
     return [
         {
             "axis": name,
             "target_deg": round(math.degrees(plan.targets[name]), 4),
-            "angle_deg": round(math.degrees(move.snapshot.joints[name].angle), 4),
-            "error_counts": move.errors_counts[name],
-            "profile_ms": round(1e3 * profile.samples * plan.periods[name], 3),
-            "peak_deg_s": round(math.degrees(plan.peak_speed(name)), 1),
+            "angle_deg": round(math.degrees(report.reading.joints[name].angle), 4),
+            **errors[name],
+            "profile_ms": round(1e3 * plan.seconds[name], 3),
+            "peak_deg_s": round(math.degrees(plan.peak_speeds[name]), 1),
             "ends_early": name in plan.early,
         }
-        for name, profile in plan.profiles.items()
+        for name in plan.targets
     ]
 
 
-def _print_saccade(rows: list[dict[str, Any]], report: "SaccadeReport") -> None:
+def _print_saccade(rows: list[dict[str, Any]], report: "MoveReport") -> None:
     print_table("saccade", rows)
     early = f"; too near to be stretched: {', '.join(report.plan.early)}" if report.plan.early else ""
-    print(f"{1e3 * report.plan.seconds:.1f} ms, ends {1e3 * report.end_skew:.2f} ms apart{early}")
+    print(f"{1e3 * report.plan.duration:.1f} ms, ends {1e3 * report.end_skew:.2f} ms apart{early}")

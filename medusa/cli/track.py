@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from medusa.gaze.report.track_log import TrackLog
     from medusa.gaze.run.assembly import GazeChoice
     from medusa.gaze.run.loop import GazeLoop
-    from medusa.head.joint_group import Head
+    from medusa.head.joint_group import JointGroup
 
 
 def register(app: typer.Typer) -> None:
@@ -102,37 +102,26 @@ def _leave(options: Options, log: "TrackLog", document: dict[str, Any], out: Pat
 
 
 async def _follow(
-    options: Options, head: "Head", eyes: "Eyes", choice: "GazeChoice", seconds: float, video: str
+    options: Options, head: "JointGroup", eyes: "Eyes", choice: "GazeChoice", seconds: float, video: str
 ) -> "tuple[TrackLog, dict[str, Any]]":
     from medusa.gaze.report.video import Film
     from medusa.gaze.run.loop import GazeLoop
-    from perception.camera.pairing import paired
 
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as stack:
-        film = recorder = None
+        film = None
         if video:
             film = Film(Path(video), eyes.intrinsics, choice.frame_rate, start=loop.time())
             stack.callback(film.close)
-
-            async def record() -> None:
-                async for pair in paired(*eyes.cameras, bound=choice.pair_bound, patience=choice.pair_bound):
-                    film.add_pair(pair)
-
-            recorder = loop.create_task(record(), name="film both eyes")
-            stack.callback(recorder.cancel)
         gaze_loop = GazeLoop(
-            head, eyes.cameras, eyes.retina(), choice.make_gaze(head, eyes.geometry),
-            choice.loop_settings(head, eyes.geometry),
-            on_pair=None if film is None else film.add_sighting,
+            head, eyes.cameras, eyes.retina(), choice.make_gaze(head.traits, eyes.geometry),
+            choice.loop_settings(head.traits, eyes.geometry), listener=film,
         )  # fmt: skip
         start = loop.time()
         progress = loop.create_task(_tell(options, gaze_loop, start), name="tell how it goes")
         stack.callback(progress.cancel)
         options.say(f"tracking for {seconds:g} s: {choice.controller}, coordination ({choice.coordination})")
         log = await gaze_loop.run(seconds)
-        if recorder is not None and recorder.done():
-            recorder.result()
         camera_counts = {camera.name: vars(camera.statistics) for camera in eyes.cameras}
     summary = log.summary(since=start + min(2.0, seconds / 4.0))
     document = {

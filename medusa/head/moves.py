@@ -1,4 +1,4 @@
-"""Moving several joints together: armed, started at once on every board, followed until they rest."""
+"""Moving several joints together: armed, begun at once, followed until they are at rest."""
 
 import asyncio
 import logging
@@ -9,55 +9,56 @@ from typing import Any
 
 from medusa.completion import complete
 from medusa.errors import CommandError, DeviceFault, MedusaError
-from medusa.head.faults import Fault, FaultHub, HeadFault
-from medusa.head.snapshots import HeadSnapshot, SnapshotReader
-from medusa.mc3000.axis import ArmedMove, Axis
-from medusa.mc3000.board import Board, BoardEvent, Flags, Operation
+from medusa.head.drive import Drive, MoveEnds, MovePlan, Reading, Speeds
+from medusa.head.faults import Fault, JointFault
+from medusa.head.soft_limits import check_acceleration, check_angle, check_speed
+from medusa.head.stopping import REST_STEPS, is_stopped
 
 log = logging.getLogger(__name__)
 
-EVENT_MARGIN_SECONDS = 0.7
-"""How much later than planned "profile done" may come before the boards are asked: six sendings of an event."""
 SETTLE_SECONDS = 0.5
 SETTLE_LOOK_SECONDS = 0.02
-RESTING_COUNTS = 1
-
-
-@dataclass(frozen=True)
-class Speeds:
-    """Acceleration (rad/s²) and greatest speed (rad/s) of one joint's move; the configuration's when None."""
-
-    acceleration: float | None = None
-    max_speed: float | None = None
+RAMP_LOOK_SECONDS = 0.01
+RAMP_MARGIN_SECONDS = 0.5
+"""On top of a rate's ramp: the link's repeats."""
 
 
 @dataclass(frozen=True)
 class MoveReport:
-    """How a move went. Angles rad, times s on the loop's clock, errors in counts (command − actual)."""
+    """How a move went. Angles rad, times s on the loop's clock, errors rad (where it should end − where it is)."""
 
-    targets: dict[str, float]
-    planned: dict[str, float]
-    started: dict[int, float]
-    ended: dict[str, float]
-    repeated: tuple[int, ...]
-    errors_counts: dict[str, int]
+    plan: MovePlan
+    ends: MoveEnds
+    errors: dict[str, float]
     settled: dict[str, bool]
-    snapshot: HeadSnapshot = field(repr=False)
+    reading: Reading = field(repr=False)
 
     @property
-    def skew(self) -> float:
-        """Between the first and the last board's start, s, from the boards' own stamps; 0 with one board."""
-        return max(self.started.values()) - min(self.started.values()) if self.started else 0.0
+    def all_settled(self) -> bool:
+        """Every joint is at rest within its traits' `settle` of its final angle."""
+        return all(self.settled.values())
+
+    @property
+    def start_skew(self) -> float:
+        """Between the first and the last start, s; 0 for joints of one device."""
+        started = [time for time in self.ends.started.values() if not math.isnan(time)]
+        return max(started) - min(started) if started else 0.0
+
+    @property
+    def end_skew(self) -> float:
+        """Between the first and the last end of those that were to end together, s; NaN when unknown."""
+        ended = [t for n, t in self.ends.ended.items() if n not in self.plan.early and not math.isnan(t)]
+        return max(ended) - min(ended) if ended else math.nan
 
 
 class MoveStopped(MedusaError):
-    """Somebody stopped the head while a move was running; it stands, or the stop's own error says why not."""
+    """Somebody stopped the head while a move was running; it is at rest, or the stop's own error says why not."""
 
     fault = "caller"
 
 
 class MoveRefused(MedusaError):
-    """A joint could not be armed; nothing has begun, so nothing has to be stopped."""
+    """A move cannot be made; nothing has begun, so nothing has to be stopped."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
@@ -65,24 +66,18 @@ class MoveRefused(MedusaError):
 
 
 class Moves:
-    """Runs moves of the head's joints in position mode."""
+    """Runs moves of a drive's joints; `stop` is the group's confirmed stop."""
 
     def __init__(
         self,
-        axes: Mapping[str, Axis],
-        boards: Mapping[int, Board],
-        reader: SnapshotReader,
-        faults: FaultHub,
+        drive: Drive,
         stop: Callable[[], Coroutine[Any, Any, None]],
         stopped_by_fault: Callable[[], Awaitable[str]],
     ) -> None:
-        self._axes = axes
-        self._boards = boards
-        self._reader = reader
-        self._faults = faults
+        self._drive = drive
         self._stop = stop
         self._stopped_by_fault = stopped_by_fault
-        self.stops = 0
+        self._stops = 0
         self._running: dict[asyncio.Future[MedusaError], frozenset[str]] = {}
 
     def is_running(self, names: Collection[str]) -> bool:
@@ -90,230 +85,166 @@ class Moves:
         return any(not moved.isdisjoint(names) for moved in self._running.values())
 
     def forget_armed(self) -> None:
-        """CLEAR is on its way, which disarms: moves about to begin do not; running ones run on."""
-        self.stops += 1
+        """Latches are being released, which disarms: moves about to begin do not; running ones run on."""
+        self._stops += 1
 
     def interrupt(self, reason: str) -> None:
         """A stop is on its way: running moves end with MoveStopped, moves about to begin do not."""
-        self.stops += 1
-        for trouble in self._running:
-            if not trouble.done():
-                trouble.set_result(MoveStopped(reason))
+        self._stops += 1
+        for failure in self._running:
+            if not failure.done():
+                failure.set_result(MoveStopped(reason))
 
     async def run(
-        self, targets: Mapping[str, float], speeds: Mapping[str, Speeds] | None = None
+        self, targets: Mapping[str, float], speeds: Mapping[str, Speeds], *, together: bool = False
     ) -> MoveReport:
-        """Move the named joints to their angles (rad) and wait until they rest.
+        """Move the named joints to their angles (rad) and wait until they are at rest.
 
-        Raises CommandError before anything moves for a target, speed or mode that does not allow it,
-        HeadFault with the reason when something stops the head on the way (it stands then), and MoveStopped
-        when somebody else stops it.
+        `together`: their profiles are stretched to end at once. Raises CommandError before anything moves for a
+        target, speed or state that does not allow it, JointFault with the reason when something stops the head on
+        the way (it is at rest then), and MoveStopped when somebody else stops it.
         """
-        stops = self.stops
-        speeds = speeds or {}
-        for name, angle in targets.items():
-            self._check(name, angle, speeds.get(name, Speeds()))
+        stops = self._stops
+        for name in targets:
             if any(name in names for names in self._running.values()):
                 raise CommandError(f"{name}: is moving already; stop it or wait for its move")
-        trouble: asyncio.Future[MedusaError] = asyncio.get_running_loop().create_future()
+        failure: asyncio.Future[MedusaError] = asyncio.get_running_loop().create_future()
 
-        def note(fault: Fault) -> None:
-            if fault.stops_head and not trouble.done():
-                trouble.set_result(HeadFault(fault))
+        def take(fault: Fault) -> None:
+            if fault.stops_all and not failure.done():
+                failure.set_result(JointFault(fault))
 
-        end = self._faults.subscribe(note)
-        self._running[trouble] = frozenset(targets)
+        end = self._drive.subscribe(take)
+        self._running[failure] = frozenset(targets)
         try:
-            armed = await self._arm(targets, speeds, await self._reader.read())
-            if stops != self.stops:
+            plan = await self._prepare(targets, speeds, together)
+            if stops != self._stops:
                 raise MoveStopped("the head was stopped before the move began")
-            return await self._follow(targets, armed, trouble)
+            return await self._follow(plan, failure)
         except MoveRefused as refused:
             raise refused.error from None
         except MedusaError as error:
-            await self._stopped(error, trouble, stops)
+            await self._stopped(error, failure, stops)
             raise
         except BaseException:
-            # Cancelled half-way: whatever began comes to rest before anybody hears of it.
+            # Cancelled half-way: whatever began comes to rest before the caller goes on.
             await complete(self._stop())
             raise
         finally:
-            del self._running[trouble]
+            del self._running[failure]
             end()
 
-    async def _stopped(self, error: MedusaError, trouble: "asyncio.Future[MedusaError]", stops: int) -> None:
-        """Bring everything to rest after an error; raises what tells most about its cause."""
-        if trouble.done():
-            cause = trouble.result()
-            if isinstance(cause, HeadFault):
-                cause = HeadFault(cause.cause, await self._stopped_by_fault())
-            raise cause from (None if isinstance(error, HeadFault | MoveStopped) else error)
-        if stops != self.stops:
+    async def _stopped(self, error: MedusaError, failure: "asyncio.Future[MedusaError]", stops: int) -> None:
+        """See to it that the head is at rest before the error leaves, and let the deeper cause speak."""
+        if failure.done():
+            cause: MedusaError = failure.result()
+            if isinstance(cause, JointFault):
+                cause = JointFault(cause.report, await self._stopped_by_fault())
+            raise cause from (None if isinstance(error, JointFault | MoveStopped) else error)
+        if stops != self._stops:
             return
         try:
             await self._stop()
         except MedusaError as unconfirmed:
             raise DeviceFault(f"{error}; {unconfirmed}", axis=getattr(unconfirmed, "axis", None)) from error
 
-    def _check(self, name: str, angle: float, speeds: Speeds) -> None:
-        if name not in self._axes:
-            raise CommandError(f"there is no joint {name!r}; the head has {', '.join(self._axes)}")
-        self._axes[name].check_move(angle, speeds.acceleration, speeds.max_speed)
-
-    async def _arm(
-        self, targets: Mapping[str, float], speeds: Mapping[str, Speeds], before: HeadSnapshot
-    ) -> dict[str, ArmedMove]:
-        async def arm(name: str, angle: float) -> ArmedMove:
-            wanted = speeds.get(name, Speeds())
-            return await self._axes[name].arm(
-                angle,
-                acceleration=wanted.acceleration,
-                max_speed=wanted.max_speed,
-                command_counts=before.joints[name].command_counts,
-            )
-
-        arming = [arm(name, angle) for name, angle in targets.items()]
-        ended = await asyncio.gather(*arming, return_exceptions=True)
-        failures = [end for end in ended if isinstance(end, BaseException)]
-        for failure in failures:
-            if not isinstance(failure, CommandError):
-                raise failure
-        if failures:
-            # Nothing has begun: those that are armed forget it, and what else moves goes on.
-            await asyncio.gather(*(self._axes[name].stop(orderly=True) for name in targets))
-            raise MoveRefused(failures[0])
-        return {move.axis: move for move in ended if isinstance(move, ArmedMove)}
-
-    async def _follow(
-        self,
-        targets: Mapping[str, float],
-        armed: Mapping[str, ArmedMove],
-        trouble: "asyncio.Future[MedusaError]",
-    ) -> MoveReport:
-        done = Arrivals({name: self._axes[name] for name in armed})
+    async def _prepare(
+        self, targets: Mapping[str, float], speeds: Mapping[str, Speeds], together: bool
+    ) -> MovePlan:
+        reading = await self._drive.read()
         try:
-            repeated = await self._start(armed)
-            await self._race(done, armed, trouble)
+            for name, angle in targets.items():
+                self._check(name, angle, speeds.get(name, Speeds()), reading)
+        except CommandError as error:
+            raise MoveRefused(error) from None
+        if not self._drive.can.retargets:
+            reading = await self._end_rates(targets, reading)
+        try:
+            plan = self._drive.plan(reading, targets, speeds, together=together)
+            await self._drive.arm(plan)
+        except CommandError as error:
+            raise MoveRefused(error) from error
+        if plan.early:
+            log.warning("%s: too near to be stretched, ends early", ", ".join(plan.early))
+        return plan
+
+    def _check(self, name: str, angle: float, speeds: Speeds, reading: Reading) -> None:
+        traits, joint = self._drive.traits[name], reading.joints[name]
+        if not joint.enabled:
+            raise CommandError(f"{name}: is idle; enable it first")
+        if not joint.homed:
+            raise CommandError(f"{name}: is not homed, so {math.degrees(angle):.2f}° means nothing")
+        check_angle(name, angle, traits)
+        if speeds.max_speed is not None:
+            check_speed(name, speeds.max_speed, traits)
+        if speeds.acceleration is not None:
+            check_acceleration(name, speeds.acceleration, traits)
+
+    async def _end_rates(self, names: Collection[str], reading: Reading) -> Reading:
+        """Bring joints that have a rate to rest by their ramp; the reading after it."""
+        loop = asyncio.get_running_loop()
+        moving = [name for name in names if not is_stopped(reading.joints[name])]
+        if not moving:
+            return reading
+        asked = loop.time()
+        deadline = asked + max(self._drive.traits[n].ramp_seconds for n in moving) + RAMP_MARGIN_SECONDS
+        await self._drive.stop(moving)
+        while True:
+            reading = await self._drive.read()
+            joints = [reading.joints[name] for name in moving]
+            if all(is_stopped(joint) and joint.time > asked for joint in joints):
+                return reading
+            if loop.time() > deadline:
+                names = ", ".join(name for name in moving if not is_stopped(reading.joints[name]))
+                raise DeviceFault(f"{names}: a rate did not end by its ramp", axis=names)
+            await asyncio.sleep(RAMP_LOOK_SECONDS)
+
+    async def _follow(self, plan: MovePlan, failure: "asyncio.Future[MedusaError]") -> MoveReport:
+        running = asyncio.ensure_future(self._drive.run(plan))
+        either: set[asyncio.Future[Any]] = {running, failure}
+        try:
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if failure.done():
+                raise failure.result()
+            ends = running.result()
         finally:
-            done.close()
-        snapshot, settled = await self._settle(armed, trouble)
-        ended = {name: time for name, time in done.times.items() if not math.isnan(time)}
-        started = self._starts(armed, ended)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+        reading, settled = await self._settle(plan, failure)
         report = MoveReport(
-            targets=dict(targets),
-            planned={name: move.seconds for name, move in armed.items()},
-            started=started,
-            ended=ended,
-            repeated=repeated,
-            errors_counts={
-                name: move.final - snapshot.joints[name].position_counts for name, move in armed.items()
-            },
+            plan=plan,
+            ends=ends,
+            errors={name: final - reading.joints[name].angle for name, final in plan.finals.items()},
             settled=settled,
-            snapshot=snapshot,
+            reading=reading,
         )
-        if repeated:
+        if ends.repeated:
             log.warning(
-                "START had to be repeated on board %s; the boards began %.1f ms apart",
-                ", ".join(f"{address:02X}H" for address in repeated),
-                report.skew * 1000,
+                "START had to be repeated on %s; the joints began %.1f ms apart",
+                ", ".join(ends.repeated),
+                report.start_skew * 1000,
             )
         return report
 
-    async def _start(self, armed: Mapping[str, ArmedMove]) -> tuple[int, ...]:
-        """Both STARTs leave in one turn of the loop; the boards whose START had to be repeated."""
-        masks: dict[int, int] = {}
-        for name in armed:
-            axis = self._axes[name]
-            masks[axis.board.address] = masks.get(axis.board.address, 0) | 1 << axis.channel
-        repeats = {address: self._boards[address].repeats for address in masks}
-        await asyncio.gather(*(self._boards[address].start(mask) for address, mask in masks.items()))
-        return tuple(address for address in masks if self._boards[address].repeats != repeats[address])
-
-    async def _race(
-        self, done: "Arrivals", armed: Mapping[str, ArmedMove], trouble: "asyncio.Future[MedusaError]"
-    ) -> None:
-        longest = max((move.seconds for move in armed.values()), default=0.0)
-        either: set[asyncio.Future[Any]] = {done.all, trouble}
-        await asyncio.wait(
-            either, timeout=longest + EVENT_MARGIN_SECONDS, return_when=asyncio.FIRST_COMPLETED
-        )
-        if trouble.done():
-            raise trouble.result()
-        if done.all.done():
-            return
-        snapshot = await self._reader.read()
-        late = [
-            name
-            for name, move in armed.items()
-            if snapshot.joints[name].flags & Flags.PROFILE
-            or snapshot.joints[name].command_counts != move.final
-        ]
-        if late:
-            raise DeviceFault(
-                f"{', '.join(late)}: profile not done {longest:.2f} s after START", axis=late[0]
-            )
-
     async def _settle(
-        self, armed: Mapping[str, ArmedMove], trouble: "asyncio.Future[MedusaError]"
-    ) -> tuple[HeadSnapshot, dict[str, bool]]:
+        self, plan: MovePlan, failure: "asyncio.Future[MedusaError]"
+    ) -> tuple[Reading, dict[str, bool]]:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + SETTLE_SECONDS
-        last: dict[str, int] = {}
+        last: dict[str, float] = {}
         while True:
-            snapshot = await self._reader.read()
-            if trouble.done():
-                raise trouble.result()
+            reading = await self._drive.read()
+            if failure.done():
+                raise failure.result()
             settled = {}
-            for name, move in armed.items():
-                position = snapshot.joints[name].position_counts
-                resting = name in last and abs(position - last[name]) <= RESTING_COUNTS
-                settled[name] = (
-                    resting and abs(move.final - position) <= self._axes[name].config.settle_counts
-                )
-                last[name] = position
+            for name, final in plan.finals.items():
+                traits, angle = self._drive.traits[name], reading.joints[name].angle
+                resting = name in last and abs(angle - last[name]) <= REST_STEPS * traits.resolution
+                settled[name] = resting and abs(final - angle) <= traits.settle + 0.1 * traits.resolution
+                last[name] = angle
             if all(settled.values()):
-                return snapshot, settled
+                return reading, settled
             if loop.time() > deadline:
                 log.warning("not settled: %s", ", ".join(name for name, ok in settled.items() if not ok))
-                return snapshot, settled
+                return reading, settled
             await asyncio.sleep(SETTLE_LOOK_SECONDS)
-
-    def _starts(self, armed: Mapping[str, ArmedMove], ended: Mapping[str, float]) -> dict[int, float]:
-        """When each board began: the stamp of a profile's end less the length that the page gives it."""
-        starts: dict[int, float] = {}
-        for name, time in ended.items():
-            address = self._axes[name].board.address
-            starts.setdefault(address, time - armed[name].seconds)
-        return starts
-
-
-class Arrivals:
-    """Waits for "profile done" of several axes; `times` holds the board's stamps on the loop's clock, s."""
-
-    def __init__(self, axes: Mapping[str, Axis]) -> None:
-        loop = asyncio.get_running_loop()
-        self.all: asyncio.Future[None] = loop.create_future()
-        self.times: dict[str, float] = {}
-        self._axes = axes
-        self._since = loop.time()
-        self._ends = [axis.subscribe(self._listener(name)) for name, axis in axes.items()]
-        if not axes:
-            self.all.set_result(None)
-
-    def _listener(self, name: str) -> Callable[[BoardEvent], None]:
-        def heard(event: BoardEvent) -> None:
-            if event.operation is not Operation.PROFILE_DONE:
-                return
-            time = self._axes[name].board.clock.to_loop(event.time_us)
-            if time is not None and time < self._since:
-                return
-            self.times[name] = math.nan if time is None else time
-            if len(self.times) == len(self._axes) and not self.all.done():
-                self.all.set_result(None)
-
-        return heard
-
-    def close(self) -> None:
-        """Listen no longer."""
-        for end in self._ends:
-            end()

@@ -171,6 +171,11 @@ class HeadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     axes: AxesConfig
     file: str | None = None
 
+    @property
+    def joints(self) -> dict[str, AxisConfig]:
+        """The joints by name."""
+        return {name: self.axis(name) for name in AXIS_NAMES}
+
     def axis(self, name: str) -> AxisConfig:
         """The configuration of the joint of that name; KeyError when the head has no such joint."""
         if name not in AXIS_NAMES:

@@ -4,22 +4,23 @@ The motor command goes straight to the DAC (08H). Every pulse is short, within a
 stands; the board's watchdog, set short for the while, ends it if the host dies.
 """
 
+from __future__ import annotations
+
 import asyncio
 import logging
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from medusa.completion import complete
 from medusa.errors import CommandError, DeviceFault, MedusaError
+from medusa.head.joint_group import JointGroup
+from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import Mode, Register, WatchdogAction
 from medusa.mc3000.board.registers import MOTOR_COMMAND_ZERO
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.servo.identification import Identification, Pulse, estimate_plant
-
-if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
-    from medusa.mc3000.axis import Axis
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +35,8 @@ LOOK_SECONDS = 0.005
 GOLDEN = 0.6180339887498949
 REST_SECONDS = 3.0
 STANDING_COUNTS = 1
-ROOM = 2.0
-"""Room needed each way, in excursions: a pulse whose end is lost runs on until the watchdog has expired."""
+CLEARANCE = 2.0
+"""Needed each way, in excursions: a pulse whose end is lost runs on until the watchdog has expired."""
 
 
 @dataclass(frozen=True)
@@ -58,34 +59,35 @@ class Excitation:
             raise CommandError(f"{self.repeats} repeats of the pulses are not in 1..10")
 
 
-async def identify_axis(head: "Head", name: str, excitation: Excitation | None = None) -> Identification:
+async def measure_plant(group: JointGroup, name: str, excitation: Excitation | None = None) -> Identification:
     """Measure T_M, C, friction and the asymmetry of one joint; it is left idle.
 
     CommandError, and nothing moves, when the joint is not homed or stands too near to a soft limit; DeviceFault
     when it does not move or runs out of its excursion (it is stopped then).
     """
     excitation = excitation or Excitation()
-    axis = _axis(head, name)
-    # Where it stands is asked before the bridge is enabled: a refusal leaves the head as it was.
-    await _check_room(axis, excitation)
-    await head.enable([name], mode=Mode.IDLE)
+    drive = Mc3000Drive.of(group)
+    axis = _axis(drive, name)
+    # Where it is is asked before the amplifier is enabled: a refusal leaves the head as it was.
+    await _check_margins(axis, excitation)
+    await drive.enable([name], mode=Mode.IDLE)
     await axis.set_mode(Mode.IDLE)
-    await head.rest([name])
-    safety = head.config.safety
+    await drive.rest([name])
     try:
-        await axis.board.watchdog(min(WATCHDOG_MS, safety.board_watchdog_ms), WatchdogAction.IDLE)
+        shortest = min(WATCHDOG_MS, drive.config.safety.board_watchdog_ms)
+        await axis.board.watchdog(shortest, WatchdogAction.IDLE)
         pulses = await _pulses(axis, excitation)
     except BaseException as error:
         # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
         try:
-            await asyncio.shield(asyncio.ensure_future(_leave(head, axis)))
+            await complete(_leave(drive, axis))
         except MedusaError as unconfirmed:
             log.error("%s: %s", name, unconfirmed)
         if isinstance(error, CommandError) and error.status is not None:
             # The joint was moving: a board that now refuses has stopped it.
             raise DeviceFault(f"{name}: stopped while it was measured: {error}", axis=name) from error
         raise
-    await _leave(head, axis)
+    await _leave(drive, axis)
     found = estimate_plant(pulses)
     log.info(
         "%s: T_M %.2f ms, C %.1f counts/s per DAC count, friction %.2f DAC counts",
@@ -97,19 +99,20 @@ async def identify_axis(head: "Head", name: str, excitation: Excitation | None =
     return found
 
 
-def _axis(head: "Head", name: str) -> "Axis":
-    if name not in head.axes:
-        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(head.axes)}")
-    return head.axes[name]
+def _axis(drive: Mc3000Drive, name: str) -> Axis:
+    if name not in drive.axes:
+        raise CommandError(f"there is no joint {name!r}; the head has {', '.join(drive.axes)}")
+    return drive.axes[name]
 
 
-async def _check_room(axis: "Axis", excitation: Excitation) -> None:
+async def _check_margins(axis: Axis, excitation: Excitation) -> None:
     if not axis.homed:
         raise CommandError(f"{axis.name}: is not homed, so its soft limits cannot be kept; home it first")
-    angle = await axis.position()
-    needed = ROOM * excitation.excursion
-    for limit in axis.limits:
-        if abs(limit - angle) < needed or not axis.limits[0] <= angle <= axis.limits[1]:
+    angle = axis.to_angle(await axis.board.position(axis.channel))
+    low, high = axis.config.soft_limits
+    needed = CLEARANCE * excitation.excursion
+    for limit in (low, high):
+        if abs(limit - angle) < needed or not low <= angle <= high:
             raise CommandError(
                 f"{axis.name}: stands at {math.degrees(angle):.2f}°, {math.degrees(abs(limit - angle)):.2f}° from "
                 f"its soft limit of {math.degrees(limit):.2f}°; the excitation needs {math.degrees(needed):.2f}° "
@@ -117,18 +120,16 @@ async def _check_room(axis: "Axis", excitation: Excitation) -> None:
             )
 
 
-async def _leave(head: "Head", axis: "Axis") -> None:
+async def _leave(drive: Mc3000Drive, axis: Axis) -> None:
     """The DAC at zero, the joint idle and at rest, the watchdog as the configuration has it."""
     try:
         await axis.set_mode(Mode.IDLE)
-        await head.rest([axis.name])
+        await drive.rest([axis.name])
     finally:
-        safety = head.config.safety
-        action = WatchdogAction.IDLE if safety.board_watchdog_action == "idle" else WatchdogAction.STOP
-        await axis.board.watchdog(safety.board_watchdog_ms, action)
+        await drive.set_watchdog(axis.board)
 
 
-async def _pulses(axis: "Axis", excitation: Excitation) -> list[Pulse]:
+async def _pulses(axis: Axis, excitation: Excitation) -> list[Pulse]:
     counts = abs(axis.counts_per_radian) * excitation.excursion
     watcher = _Watcher(axis, counts)
     dac, rate = await _probe(watcher, excitation)
@@ -141,7 +142,7 @@ async def _pulses(axis: "Axis", excitation: Excitation) -> list[Pulse]:
     return [await watcher.pulse(size, excitation.pulse_seconds) for size in sizes]
 
 
-async def _probe(watcher: "_Watcher", excitation: Excitation) -> tuple[int, float]:
+async def _probe(watcher: _Watcher, excitation: Excitation) -> tuple[int, float]:
     """The least doubling of DAC counts that moves the joint, and how much faster one more drives it (counts/s).
 
     Two sizes are tried, so that what the friction takes off both does not look like a slow joint.
@@ -161,7 +162,7 @@ async def _probe(watcher: "_Watcher", excitation: Excitation) -> tuple[int, floa
         dac *= 2
 
 
-async def _there_and_back(watcher: "_Watcher", dac: int) -> tuple[float, float]:
+async def _there_and_back(watcher: _Watcher, dac: int) -> tuple[float, float]:
     """(counts gone, s that the pulse lasted), the greater of both ways."""
     there = await watcher.pulse(dac, PROBE_SECONDS)
     back = await watcher.pulse(-dac, PROBE_SECONDS)
@@ -172,7 +173,7 @@ async def _there_and_back(watcher: "_Watcher", dac: int) -> tuple[float, float]:
 class _Watcher:
     """Drives one idle joint open-loop and records it by snapshots, as fast as the line takes them."""
 
-    def __init__(self, axis: "Axis", excursion_counts: float) -> None:
+    def __init__(self, axis: Axis, excursion_counts: float) -> None:
         self.axis = axis
         self._excursion = excursion_counts
         self._start: int | None = None
@@ -196,7 +197,7 @@ class _Watcher:
             while loop.time() < end:
                 await self._look()
         finally:
-            await asyncio.shield(asyncio.ensure_future(self._drive(0)))
+            await complete(self._drive(0))
         await asyncio.sleep(phase)
         await self._coast()
         time, counts, shown = zip(*self._samples, strict=True)

@@ -2,19 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from medusa.errors import CommandError, DeviceFault
+from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import Filter, Mode
-from medusa.mc3000.plant_measurement import Excitation, identify_axis
+from medusa.mc3000.drive import Mc3000Drive
+from medusa.mc3000.plant_measurement import Excitation, measure_plant
 from medusa.servo.identification import Identification
 from medusa.servo.position_filter import FilterRegisters, check_stable
 from medusa.servo.search import search_filter
 from medusa.servo.trials import Candidate, assess, thesis_registers
 from medusa.servo.velocity import check_velocity_stable, design_velocity_register
-
-if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ def choose_filter(
 
 
 async def tune_axes(
-    head: "Head",
+    group: JointGroup,
     names: Sequence[str],
     *,
     timer: int | None = None,
@@ -81,25 +79,26 @@ async def tune_axes(
 ) -> list[Tuning]:
     """Identify joints, disable the head, and choose their filter bytes; nothing is written.
 
-    `timer`: the sample timer, the configured one when None. What `identify_axis` and `choose_filter` raise.
+    `timer`: the sample timer, the configured one when None. What `measure_plant` and `choose_filter` raise.
     """
-    identified = {name: await identify_axis(head, name, excitation) for name in names}
+    drive = Mc3000Drive.of(group)
+    identified = {name: await measure_plant(group, name, excitation) for name in names}
     # The search computes for seconds, in which nobody would feed a watchdog: the head is switched off for it.
-    await head.disable()
+    await group.disable()
     return [
         choose_filter(
-            found, name, head.axes[name].config.filters.position.T if timer is None else timer, registers
+            found, name, drive.axes[name].config.filters.position.T if timer is None else timer, registers
         )
         for name, found in identified.items()
     ]
 
 
-async def write_filter(head: "Head", tuning: Tuning) -> None:
+async def write_filter(group: JointGroup, tuning: Tuning) -> None:
     """Write the position filter to the board, the joint idle, and read it back.
 
     Raises CommandError when the joint is not idle, DeviceFault when the board holds other bytes.
     """
-    axis = head.axes[tuning.axis]
+    axis = Mc3000Drive.of(group).axes[tuning.axis]
     if axis.mode is not Mode.IDLE:
         raise CommandError(
             f"{tuning.axis}: a filter is written in idle only, it is in {axis.mode.name.lower()}"

@@ -4,7 +4,8 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices.head_config import HeadConfig
 
@@ -18,8 +19,14 @@ async def sim() -> AsyncIterator[SimulatedHead]:
 
 
 @pytest.fixture
-async def head(sim: SimulatedHead) -> AsyncIterator[Head]:
+async def head(sim: SimulatedHead) -> AsyncIterator[JointGroup]:
     """Homed and enabled; stopped, confirmed and disabled at the end."""
     async with sim.open() as opened:
         await opened.home()
         yield opened
+
+
+@pytest.fixture
+def drive(head: JointGroup) -> Mc3000Drive:
+    """The head's boards and amplifiers."""
+    return Mc3000Drive.of(head)

@@ -21,11 +21,12 @@ SCHEDULING_S = 0.5
 
 HOST = """
 import asyncio, math, sys
+from medusa.machines import open_head
 from medusa.mc3000.simulated_config import simulated_config
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 
 async def jog():
-    async with Head.open(simulated_config(), sys.argv[1], sys.argv[2]) as head:
+    async with open_head(simulated_config(), sys.argv[1], sys.argv[2]) as head:
         await head.home(["pan"])
         await head.velocity({"pan": math.radians(float(sys.argv[3]))})
         print("jogging", flush=True)

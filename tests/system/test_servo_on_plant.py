@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 import numpy as np
 import pytest
 
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 from medusa.servo.position_filter import dead_band
 from medusa.servo.search import search_filter
 from medusa.servo.thesis import AXES, JOINTS
@@ -25,7 +25,7 @@ DEAD_BAND = {"left_vergence": 8, "tilt": 6, "pan": 3}  # page 1.6
 
 
 @pytest.fixture
-async def smooth() -> AsyncIterator[tuple[SimulatedHead, Head]]:
+async def smooth() -> AsyncIterator[tuple[SimulatedHead, JointGroup]]:
     async with homed_head() as opened:
         yield opened
 
@@ -41,7 +41,7 @@ async def step_all(bench: Bench, *, on_edge: bool = True) -> dict[int, Run]:
 
 @pytest.mark.parametrize("name", STEPS)
 async def test_steps_have_the_figures_of_the_page_and_follow_the_prediction(
-    name: str, smooth: tuple[SimulatedHead, Head]
+    name: str, smooth: tuple[SimulatedHead, JointGroup]
 ) -> None:
     runs = await step_all(Bench(*smooth, name))
     for step, run in runs.items():
@@ -60,7 +60,7 @@ async def test_steps_have_the_figures_of_the_page_and_follow_the_prediction(
     ("name", "fast", "slow"), [("left_vergence", 0.877, 0.847), ("tilt", 0.859, 0.858), ("pan", 0.766, 0.754)]
 )
 async def test_proportional_velocity_holds_the_share_of_the_command_that_the_page_gives(
-    name: str, fast: float, slow: float, smooth: tuple[SimulatedHead, Head]
+    name: str, fast: float, slow: float, smooth: tuple[SimulatedHead, JointGroup]
 ) -> None:
     bench = Bench(*smooth, name)
     for degrees_s, ratio in ((60.0, fast), (10.0, slow)):
@@ -74,7 +74,7 @@ async def test_proportional_velocity_holds_the_share_of_the_command_that_the_pag
 
 @pytest.mark.parametrize(("name", "constant"), [("left_vergence", 187.0), ("tilt", 178.0), ("pan", 174.0)])
 async def test_integral_velocity_is_exact_in_the_mean_and_lags_by_the_velocity_constant(
-    name: str, constant: float, smooth: tuple[SimulatedHead, Head]
+    name: str, constant: float, smooth: tuple[SimulatedHead, JointGroup]
 ) -> None:
     bench = Bench(*smooth, name)
     await bench.place(-18.0)
@@ -91,7 +91,7 @@ async def test_integral_velocity_is_exact_in_the_mean_and_lags_by_the_velocity_c
 
 @pytest.mark.parametrize(("name", "milliseconds"), [("left_vergence", 334), ("tilt", 477), ("pan", 334)])
 async def test_thirty_degree_profile_follows_with_the_errors_of_the_page(
-    name: str, milliseconds: float, smooth: tuple[SimulatedHead, Head]
+    name: str, milliseconds: float, smooth: tuple[SimulatedHead, JointGroup]
 ) -> None:
     following = {"left_vergence": 0.96, "tilt": 0.64, "pan": 1.02}[name]
     largest_dac = {"left_vergence": 50, "tilt": 66, "pan": 118}[name]

@@ -28,8 +28,8 @@ async def track(seconds: float) -> dict[str, float]:
         detectors = patch_detectors(simulation.target_patch())
         async with simulation.cameras() as cameras:
             gaze_loop = GazeLoop(
-                head, cameras, Retina(lens, lens, *detectors), choice.make_gaze(head, geometry),
-                choice.loop_settings(head, geometry),
+                head, cameras, Retina(lens, lens, *detectors), choice.make_gaze(head.traits, geometry),
+                choice.loop_settings(head.traits, geometry),
             )  # fmt: skip
             log = await gaze_loop.run(seconds)
         tracked = time.perf_counter()

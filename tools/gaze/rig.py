@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from medusa.gaze.report.track_log import TrackLog
 from medusa.gaze.retina import Detector, Retina
 from medusa.gaze.run.loop import Gaze, GazeLoop, LoopSettings, gaze_limits, least_speeds
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 from medusa.kinematics import HeadGeometry, Joints, bearing_of, camera_pose, look_at
 from medusa.mc3000.config import HeadConfig
 from medusa.simulation import SimulatedHead, simulated_cameras, simulated_head
@@ -91,11 +91,11 @@ class Run:
 class Rig:
     """A homed emulated head; ``run`` puts it before a world and lets a gaze follow the target."""
 
-    def __init__(self, simulation: SimulatedHead, head: Head) -> None:
+    def __init__(self, simulation: SimulatedHead, head: JointGroup) -> None:
         self.simulation = simulation
         self.head = head
-        self.limits = gaze_limits(head)
-        self.least_speeds = least_speeds(head)
+        self.limits = gaze_limits(head.traits)
+        self.least_speeds = least_speeds(head.traits)
 
     async def run(
         self,

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from medusa.mc3000.board import Mode
-from medusa.mc3000.plant_measurement import identify_axis
+from medusa.mc3000.drive import Mc3000Drive
+from medusa.mc3000.plant_measurement import measure_plant
 from medusa.servo.position_filter import FilterRegisters, dead_band, velocity_constant
 from medusa.servo.search import search_filter
 from medusa.servo.thesis import AXES, JOINTS
@@ -62,8 +63,8 @@ async def run_machine(*, friction: float = 0.0, backlash_deg: float = 0.0) -> Ma
         machine.saccade = await run_saccade(sim, head, four_joint_targets())
         for name in AXES:
             await head.move({name: 0.0})
-            machine.identified[name] = _identification(name, await identify_axis(head, name))
-            await head.axes[name].set_mode(Mode.POSITION)
+            machine.identified[name] = _identification(name, await measure_plant(head, name))
+            await Mc3000Drive.of(head).axes[name].set_mode(Mode.POSITION)
     return machine
 
 

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import Mode
 from medusa.mc3000.config import FilterConfig, Filters, HeadConfig
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.servo.loop import LoopRecord, simulate_position, simulate_proportional_velocity
 from medusa.servo.plant import Plant
 from medusa.servo.position_filter import FilterRegisters
@@ -90,7 +91,7 @@ async def homed_head(
     seed: int = 1,
     filters: dict[str, FilterRegisters] | None = None,
     limits: dict[str, dict[str, float]] | None = None,
-) -> AsyncIterator[tuple[SimulatedHead, Head]]:
+) -> AsyncIterator[tuple[SimulatedHead, JointGroup]]:
     """An emulated head, homed, with a wide following limit; other position filters and keys where given."""
     machine = MachineConfig(friction_counts=friction, backlash_deg=backlash_deg, start_deg=NEAR_SENSORS)
     async with (
@@ -122,9 +123,9 @@ def with_filters(
 class Bench:
     """One joint of a homed head: puts it somewhere and records what it then does."""
 
-    def __init__(self, sim: SimulatedHead, head: Head, name: str) -> None:
+    def __init__(self, sim: SimulatedHead, head: JointGroup, name: str) -> None:
         self.sim, self.head, self.name = sim, head, name
-        self.axis = head.axes[name]
+        self.axis = Mc3000Drive.of(head).axes[name]
         self.scale = self.axis.counts_per_radian
         self.plant: Plant = AXES[name].plant
         self.friction: float = sim.machine.config.friction_counts
@@ -186,9 +187,9 @@ class Bench:
 
     async def step(self, counts: int, seconds: float = 0.4) -> Run:
         """Step the command position by `counts` and hold."""
-        before = (await self.head.snapshot()).joints[self.name].command_counts
+        before = (await self.head.read()).joints[self.name].device.command
         # A step ends where the command goes; the shaft's way is counted from the command, too, as the page does.
-        raw = await self._record(seconds, lambda: self.axis.command((before + counts) / self.scale))
+        raw = await self._record(seconds, lambda: self.axis.step((before + counts) / self.scale))
         start = int(np.argmax(raw["command"] != raw["command"][0]))
         predicted = self._predict(raw, start)
         return self._cut(raw, start, predicted, f"{counts} counts", float(before))
@@ -209,7 +210,7 @@ class Bench:
 
     async def profile(self, degrees: float, seconds: float = 0.3) -> Run:
         """A profile with the configured speed and acceleration from where it stands by `degrees`."""
-        before = (await self.head.snapshot()).joints[self.name].command_counts
+        before = (await self.head.read()).joints[self.name].device.command
         target = before / self.scale + math.radians(degrees)
         raw = await self._record(seconds, lambda: self.head.move({self.name: target}))
         start = max(int(np.argmax(raw["command"] != raw["command"][0])) - 1, 0)
@@ -218,8 +219,8 @@ class Bench:
     async def integral_velocity(self, degrees_s: float, seconds: float = 1.2) -> Run:
         """A velocity step in integral velocity mode."""
         await self.axis.set_mode(Mode.INTEGRAL_VELOCITY)
-        before = (await self.head.snapshot()).joints[self.name].command_counts
-        raw = await self._record(seconds, lambda: self.axis.velocity(math.radians(degrees_s)))
+        before = (await self.head.read()).joints[self.name].device.command
+        raw = await self._record(seconds, lambda: self.axis.set_rate(math.radians(degrees_s)))
         start = max(int(np.argmax(raw["command"] != raw["command"][0])) - 1, 0)
         run = self._cut(raw, start, self._predict(raw, start), f"integral {degrees_s:g}°/s", float(before))
         await self._halt()
@@ -229,7 +230,7 @@ class Bench:
         """A velocity step in proportional velocity mode; the command is the integral of the velocity."""
         await self.axis.set_mode(Mode.PROPORTIONAL_VELOCITY)
         registers = self.registers(Mode.PROPORTIONAL_VELOCITY)
-        raw = await self._record(seconds, lambda: self.axis.velocity(math.radians(degrees_s)))
+        raw = await self._record(seconds, lambda: self.axis.set_rate(math.radians(degrees_s)))
         velocity = round(math.radians(degrees_s) * self.scale * registers.period * 16)
         # The chip answers a new velocity at once by (K/4) times it; what it gives at rest is far less.
         first_dac = min(127, abs(registers.gain / 4 * velocity / 16))
@@ -250,7 +251,7 @@ class Bench:
         return run
 
     async def _halt(self) -> None:
-        await self.axis.velocity(0.0)
+        await self.axis.set_rate(0.0)
         await asyncio.sleep(0.3)
         await self.axis.set_mode(Mode.IDLE)
         await self.head.rest([self.name])

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from medusa.head.joint_group import Head
-from medusa.head.saccade import saccade, saccade_targets
+from medusa.head.joint_group import JointGroup
+from medusa.head.saccade import saccade_targets
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead
 
 Floats = NDArray[np.float64]
@@ -43,24 +44,24 @@ class SaccadeRun:
         return max(self.ends.values()) - min(self.ends.values())
 
 
-async def run_saccade(sim: SimulatedHead, head: Head, targets: dict[str, float]) -> SaccadeRun:
+async def run_saccade(sim: SimulatedHead, head: JointGroup, targets: dict[str, float]) -> SaccadeRun:
     """Jump to `targets` (rad), hold a little, and take everything from the emulator out of band."""
     with ExitStack() as stack:
         recordings = {name: stack.enter_context(sim.machine.record(name)) for name in targets}
         await asyncio.sleep(0.02)
-        report = await saccade(head, targets)
+        report = await head.move(targets, together=True)
         await asyncio.sleep(HOLD_SECONDS)
     time, command, angle, ends, errors, error_deg = {}, {}, {}, {}, {}, {}
     starts = []
+    axes = Mc3000Drive.of(head).axes
     for name, recording in recordings.items():
-        scale = head.axes[name].counts_per_radian
+        scale = axes[name].counts_per_radian
         time[name] = np.array(recording.time)
         command[name] = np.degrees(np.array(recording.command) / scale)
         angle[name] = np.degrees(np.array(recording.angle))
         last = recording.command[-1]
         ends[name] = recording.time[recording.command.index(last)]
-        samples = report.plan.profiles[name].samples
-        starts.append(ends[name] - samples * report.plan.periods[name])
+        starts.append(ends[name] - report.plan.seconds[name])
         errors[name] = last - recording.actual[-1]
         error_deg[name] = math.degrees(targets[name]) - float(angle[name][-1])
     return SaccadeRun(
@@ -69,8 +70,8 @@ async def run_saccade(sim: SimulatedHead, head: Head, targets: dict[str, float])
         angle_deg=angle,
         ends=ends,
         start=min(starts),
-        planned_seconds=report.plan.seconds,
-        settled=report.settled,
+        planned_seconds=report.plan.duration,
+        settled=report.all_settled,
         error_counts=errors,
         error_deg=error_deg,
     )

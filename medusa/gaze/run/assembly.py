@@ -1,6 +1,7 @@
 """A gaze put together from words: which controller, which coordination, which target."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,7 +12,7 @@ from medusa.gaze.predictive_gaze import PredictiveGaze, PredictiveSettings
 from medusa.gaze.retina import Detector
 from medusa.gaze.run.loop import Gaze, LoopSettings, gaze_limits, least_speeds
 from medusa.gaze.thesis_gaze import ThesisGaze, ThesisSettings
-from medusa.head.joint_group import Head
+from medusa.head.drive import JointTraits
 from medusa.kinematics import HeadGeometry, Joints, direction_of, look_at
 from perception.correlation import PatchTarget
 from perception.target import Image, Shape, Target, detect_bright_target
@@ -53,25 +54,25 @@ class GazeChoice:
         """Pictures exposed at most so far apart are a pair: free-running cameras are up to half a period [s]."""
         return min(0.03, 0.45 / self.frame_rate)
 
-    def make_gaze(self, head: Head, geometry: HeadGeometry) -> Gaze:
-        """The behaviour, within what the head's configuration allows."""
+    def make_gaze(self, traits: Mapping[str, JointTraits], geometry: HeadGeometry) -> Gaze:
+        """The behaviour, within what the joints' traits allow."""
         way = COORDINATIONS[self.coordination]
         if self.controller == "predictive":
             # Two and a half pictures without the target are a loss, not a gap.
             patience = max(0.5, 2.5 / self.frame_rate)
             settings = PredictiveSettings(self.command_period, patience=patience, coordination=way)
-            return PredictiveGaze(settings, geometry, gaze_limits(head))
+            return PredictiveGaze(settings, geometry, gaze_limits(traits))
         return ThesisGaze(
             ThesisSettings(
-                1.0 / self.frame_rate, least_speeds(head), TABLE_6_4[self.gains], SACCADE_ERROR, way,
+                1.0 / self.frame_rate, least_speeds(traits), TABLE_6_4[self.gains], SACCADE_ERROR, way,
                 self.microsaccades,
             ),
-            gaze_limits(head),
+            gaze_limits(traits),
         )  # fmt: skip
 
-    def loop_settings(self, head: Head, geometry: HeadGeometry) -> LoopSettings:
+    def loop_settings(self, traits: Mapping[str, JointTraits], geometry: HeadGeometry) -> LoopSettings:
         """How often the loop looks, and where it searches: a raster around straight ahead, within the limits."""
-        limits = gaze_limits(head)
+        limits = gaze_limits(traits)
         search = []
         for azimuth, elevation in ((0, 0), (25, 0), (-25, 0), (-25, 15), (25, 15), (25, -15), (-25, -15)):
             a, e = math.radians(azimuth), math.radians(elevation)

@@ -1,25 +1,23 @@
-"""The thin loop beside the gaze behaviours: cameras in, joints out, and a head that stands whatever ends it."""
+"""The thin loop beside the gaze behaviours: cameras in, joints out, and a head at rest whatever ends it."""
 
 import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from medusa.completion import complete
-from medusa.errors import CommandError, MedusaError
+from medusa.errors import MedusaError
 from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
 from medusa.gaze.report.track_log import TrackLog
 from medusa.gaze.retina import Retina
 from medusa.gaze.run.joint_history import JointHistory
-from medusa.head.faults import Fault, HeadFault
-from medusa.head.joint_group import Head
-from medusa.head.snapshots import HeadSnapshot
+from medusa.head.drive import JointTraits, Reading
+from medusa.head.faults import Fault, JointFault
+from medusa.head.joint_group import JointGroup
 from medusa.kinematics import Joints
-from medusa.mc3000.axis import Axis
-from medusa.mc3000.board import Mode
 from perception.camera.frame import Camera
 from perception.camera.pairing import FramePair, paired
 
@@ -35,6 +33,14 @@ class Gaze(Protocol):
     def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command | None: ...
 
     def saccade_ended(self, now: float) -> None: ...
+
+
+class PairListener(Protocol):
+    """Whoever wants every pair of images, and what the loop saw in those that it used."""
+
+    def add_pair(self, pair: FramePair) -> None: ...
+
+    def add_sighting(self, pair: FramePair, sighting: Sighting) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -55,24 +61,19 @@ class LoopSettings:
     search_after: float = 1.0
 
 
-def gaze_limits(head: Head) -> GazeLimits:
-    """What the head's configuration allows a gaze, a margin inside the soft limits."""
-    axes = head.axes
+def gaze_limits(traits: Mapping[str, JointTraits]) -> GazeLimits:
+    """What the joints' traits allow a gaze, a margin inside the soft limits."""
     return GazeLimits(
-        Joints.from_axes({name: axis.limits[0] + LIMIT_MARGIN for name, axis in axes.items()}),
-        Joints.from_axes({name: axis.limits[1] - LIMIT_MARGIN for name, axis in axes.items()}),
-        Joints.from_axes({name: axis.config.max_speed for name, axis in axes.items()}),
-        Joints.from_axes({name: axis.config.acceleration for name, axis in axes.items()}),
+        Joints.from_axes({name: joint.low + LIMIT_MARGIN for name, joint in traits.items()}),
+        Joints.from_axes({name: joint.high - LIMIT_MARGIN for name, joint in traits.items()}),
+        Joints.from_axes({name: joint.speed for name, joint in traits.items()}),
+        Joints.from_axes({name: joint.acceleration for name, joint in traits.items()}),
     )
 
 
-def least_speeds(head: Head) -> Joints:
-    """One count a sample of each axis [rad/s]: what its integral velocity mode cannot go below."""
-    return Joints.from_axes({name: _least_speed(axis) for name, axis in head.axes.items()})
-
-
-def _least_speed(axis: Axis) -> float:
-    return 1 / (axis.config.counts_per_radian * axis.sample_period(Mode.INTEGRAL_VELOCITY))
+def least_speeds(traits: Mapping[str, JointTraits]) -> Joints:
+    """The least rate of each joint [rad/s]: what a velocity command cannot go below."""
+    return Joints.from_axes({name: joint.rate_step for name, joint in traits.items()})
 
 
 class GazeLoop:
@@ -80,13 +81,13 @@ class GazeLoop:
 
     def __init__(
         self,
-        head: Head,
+        head: JointGroup,
         cameras: tuple[Camera, Camera],
         retina: Retina,
         gaze: Gaze,
         settings: LoopSettings | None = None,
         *,
-        on_pair: Callable[[FramePair, Sighting], None] | None = None,
+        listener: PairListener | None = None,
     ) -> None:
         self.head = head
         self.log = TrackLog()
@@ -94,7 +95,7 @@ class GazeLoop:
         self._retina = retina
         self._gaze = gaze
         self._settings = settings or LoopSettings()
-        self._on_pair = on_pair
+        self._listener = listener
         self._history = JointHistory()
         self._pairs: asyncio.Queue[FramePair] = asyncio.Queue()
         self._news = asyncio.Event()
@@ -106,11 +107,11 @@ class GazeLoop:
     async def run(self, seconds: float) -> TrackLog:
         """Gaze for so long; the head has been stopped, and that confirmed, when this returns or raises.
 
-        Raises HeadFault when the head stops by itself, CameraError when both cameras are down, and what the
+        Raises JointFault when the head stops by itself, CameraError when both cameras are down, and what the
         link raises.
         """
         loop = asyncio.get_running_loop()
-        end_faults = self.head.faults.subscribe(self._note_fault)
+        end_faults = self.head.subscribe(self._take_fault)
         pump = loop.create_task(self._pump(), name="pair pictures")
         try:
             await self._run(loop.time() + seconds, pump)
@@ -133,14 +134,12 @@ class GazeLoop:
         due = self._last_seen = loop.time()
         while loop.time() < end:
             if self._fault is not None:
-                raise HeadFault(self._fault)
+                raise JointFault(self._fault)
             if pump.done():
                 pump.result()
-            snapshot = await self.head.snapshot()
-            self._history.add(
-                snapshot.time, Joints.from_axes({n: j.angle for n, j in snapshot.joints.items()})
-            )
-            await self._decide(snapshot)
+            reading = await self.head.read()
+            self._history.add(reading.time, Joints.from_axes({n: j.angle for n, j in reading.joints.items()}))
+            await self._decide(reading)
             if loop.time() >= due:
                 due = max(due + self._settings.command_period, loop.time())
             if self._pairs.empty():
@@ -150,11 +149,11 @@ class GazeLoop:
                         await self._news.wait()
             self._news.clear()
 
-    async def _decide(self, snapshot: HeadSnapshot) -> None:
+    async def _decide(self, reading: Reading) -> None:
         loop = asyncio.get_running_loop()
         sighting = self._newest_sighting()
-        joints = Joints.from_axes({name: joint.command_angle for name, joint in snapshot.joints.items()})
-        command = self._gaze.step(snapshot.time, joints, sighting)
+        joints = Joints.from_axes({name: joint.commanded for name, joint in reading.joints.items()})
+        command = self._gaze.step(reading.time, joints, sighting)
         if sighting is not None and sighting.seen:
             self._last_seen, self._searched = loop.time(), 0
         unseen = loop.time() - self._last_seen
@@ -164,7 +163,7 @@ class GazeLoop:
             )
             self._searched += 1
         if command is not None:
-            await self._apply(command)
+            await self._apply(command, reading)
         if sighting is not None:
             self.log.add(sighting, loop.time(), type(command).__name__.lower())
 
@@ -181,25 +180,22 @@ class GazeLoop:
                 self.log.late_frames += 1
             else:
                 newest = self._retina.look(pair, joints)
-                if self._on_pair is not None:
-                    self._on_pair(pair, newest)
+                if self._listener is not None:
+                    self._listener.add_sighting(pair, newest)
         return newest
 
-    async def _apply(self, command: Command) -> None:
+    async def _apply(self, command: Command, reading: Reading) -> None:
         if isinstance(command, Saccade):
             await self._saccade(command)
         elif isinstance(command, Hold):
             self.log.holds.append((asyncio.get_running_loop().time(), command.reason))
-            await asyncio.gather(
-                *(self._drive(axis, 0.0) for axis in self.head.axes.values() if axis.command_velocity)
-            )
+            await self._drive({name: 0.0 for name, joint in reading.joints.items() if joint.rate})
         else:
             await self._pursue(command)
 
     async def _saccade(self, command: Saccade) -> None:
         loop = asyncio.get_running_loop()
         start = loop.time()
-        await asyncio.gather(*(axis.set_mode(Mode.POSITION) for axis in self.head.axes.values()))
         await self.head.move(command.target.as_axes())
         self._blind_until = loop.time()
         self.log.saccades.append((start, self._blind_until, command.reason))
@@ -208,45 +204,31 @@ class GazeLoop:
 
     async def _pursue(self, command: Pursue) -> None:
         self.log.limited |= command.limited
-        await asyncio.gather(
-            *(self._command(self.head.axes[name], each) for name, each in command.joints.items())
-        )
+        rates = {n: each.rate for n, each in command.joints.items() if isinstance(each, Velocity)}
+        angles = {
+            n: self._within(n, each) for n, each in command.joints.items() if isinstance(each, Position)
+        }
+        await asyncio.gather(self._drive(rates), self.head.step(angles))
 
-    async def _command(self, axis: Axis, command: Velocity | Position) -> None:
-        if isinstance(command, Velocity):
-            await self._drive(axis, command.rate)
-            return
-        await axis.set_mode(Mode.POSITION)
-        low, high = axis.limits
-        await axis.command(min(max(command.angle, low), high))
+    def _within(self, name: str, position: Position) -> float:
+        traits = self.head.traits[name]
+        return min(max(position.angle, traits.low), traits.high)
 
-    async def _drive(self, axis: Axis, rate: float) -> None:
-        """Integral velocity, sent only when it changes by a count; none toward a limit without room left."""
-        if rate != 0 and axis.seen is not None and axis.room(rate, axis.seen) <= 0:
-            self.log.limited.add(axis.name)
-            rate = 0.0
-        least = _least_speed(axis)
-        if axis.mode is Mode.INTEGRAL_VELOCITY and round(rate / least) == round(
-            axis.command_velocity / least
-        ):
-            return
-        try:
-            await self.head.velocity({axis.name: rate})
-        except CommandError:
-            # The axis looks again before it obeys: the room may have been used up since our look.
-            if axis.seen is None or axis.room(rate, axis.seen) > 0:
-                raise
-            self.log.limited.add(axis.name)
-            await self.head.velocity({axis.name: 0.0})
+    async def _drive(self, rates: Mapping[str, float]) -> None:
+        """Rates; none toward a limit without a stopping margin left."""
+        if rates:
+            self.log.limited |= (await self.head.drive_rates(rates)).limited
 
     async def _pump(self) -> None:
         async for pair in paired(
             *self._cameras, bound=self._settings.pair_bound, patience=self._settings.pair_patience
         ):
+            if self._listener is not None:
+                self._listener.add_pair(pair)
             self._pairs.put_nowait(pair)
             self._news.set()
 
-    def _note_fault(self, fault: Fault) -> None:
-        if fault.stops_head and self._fault is None:
+    def _take_fault(self, fault: Fault) -> None:
+        if fault.stops_all and self._fault is None:
             self._fault = fault
             self._news.set()

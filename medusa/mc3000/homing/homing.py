@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 from medusa.completion import complete
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
 from medusa.mc3000.board import Mode
+from medusa.mc3000.check_record import CheckRecord
 from medusa.mc3000.homing.mark import NO_MARK
 from medusa.mc3000.homing.search import HomingError, HomingFailure, HomingSearch
-from medusa.mc3000.wiring_check import CheckRecord
 
 if TYPE_CHECKING:
-    from medusa.head.joint_group import Head
+    from medusa.head.drive import Mover
+    from medusa.mc3000.axis import Axis
+    from medusa.mc3000.drive import Mc3000Drive
 
 log = logging.getLogger(__name__)
 
@@ -39,29 +41,29 @@ class HomingResult:
     seconds: float
 
 
-async def home_head(head: "Head", names: Iterable[str]) -> dict[str, HomingResult]:
+async def home_joints(drive: "Mc3000Drive", names: Iterable[str], mover: "Mover") -> dict[str, HomingResult]:
     """Home joints in the configured groups; raises HomingError, the failed joint left disabled."""
     wanted = list(names)
-    checked = CheckRecord.of(head.config, head.port_name)
-    unchecked = [name for name in wanted if not checked.holds(name, head.config)]
+    checked = CheckRecord.of(drive.config, drive.port_name)
+    unchecked = [name for name in wanted if not checked.holds(name, drive.config)]
     if unchecked:
         raise CommandError(
-            f"{', '.join(unchecked)}: not checked since the configuration changed (port {head.port_name});"
+            f"{', '.join(unchecked)}: not checked since the configuration changed (port {drive.port_name});"
             " run check first"
         )
     results: dict[str, HomingResult] = {}
-    await head.enable(wanted)
-    for group in head.config.homing.order:
+    await drive.enable(wanted)
+    for group in drive.config.homing.order:
         together = [name for name in group if name in wanted]
         if together:
-            results |= {result.axis: result for result in await _home_group(head, together)}
+            results |= {result.axis: result for result in await _home_group(drive, together, mover)}
     return results
 
 
-async def _home_group(head: "Head", names: Sequence[str]) -> list[HomingResult]:
+async def _home_group(drive: "Mc3000Drive", names: Sequence[str], mover: "Mover") -> list[HomingResult]:
     """Home joints together; the first failure ends the others, and the one that tells most is raised."""
     loop = asyncio.get_running_loop()
-    tasks = [loop.create_task(home_axis(head, name)) for name in names]
+    tasks = [loop.create_task(home_axis(drive, name, mover)) for name in names]
     try:
         done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
         if pending and all(_was_interrupted(task.exception()) for task in done):
@@ -81,27 +83,27 @@ def _was_interrupted(error: BaseException | None) -> bool:
     return isinstance(error, HomingError) and error.failure is HomingFailure.INTERRUPTED
 
 
-async def home_axis(head: "Head", name: str) -> HomingResult:
+async def home_axis(drive: "Mc3000Drive", name: str, mover: "Mover") -> HomingResult:
     """Home one enabled joint; raises HomingError, the joint left disabled."""
-    axis = head.axes[name]
+    axis = drive.axes[name]
     log.info("%s: homing", name)
     began = asyncio.get_running_loop().time()
     axis.homed = False
-    search = HomingSearch(axis, head.faults)
+    search = HomingSearch(axis, drive)
     with search.listening():
         try:
             await axis.board.write_mark(axis.channel, NO_MARK)
             coarse, latched = await search.find_edge()
-            shift = await _set_zero(head, name, search, latched)
+            shift = await _set_zero(axis, search, latched)
             axis.homed = True
             await axis.set_mode(Mode.POSITION)
-            report = await head.move({name: axis.config.home_angle})
-            await axis.board.write_mark(axis.channel, head.mark(name))
-            if await axis.board.read_mark(axis.channel) != head.mark(name):
+            reading = await mover.move_to({name: axis.config.home_angle})
+            await axis.board.write_mark(axis.channel, drive.mark(name))
+            if await axis.board.read_mark(axis.channel) != drive.mark(name):
                 raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
         except BaseException as error:
             axis.homed = False
-            await complete(_leave_disabled(head, name))
+            await complete(_leave_disabled(mover, name))
             failure = _named(name, error, search)
             if failure is error:
                 raise
@@ -112,15 +114,14 @@ async def home_axis(head: "Head", name: str) -> HomingResult:
         latched_counts=latched,
         coarse_error_counts=coarse - latched,
         zero_shift_counts=shift,
-        angle=report.snapshot.joints[name].angle,
-        error_counts=report.errors_counts[name],
+        angle=reading.joints[name].angle,
+        error_counts=axis.to_counts(axis.config.home_angle) - reading.joints[name].device.actual,
         seconds=asyncio.get_running_loop().time() - began,
     )
 
 
-async def _set_zero(head: "Head", name: str, search: HomingSearch, latched: int) -> int:
+async def _set_zero(axis: "Axis", search: HomingSearch, latched: int) -> int:
     """PRESET so that the latched edge has its configured angle; what was added to the count."""
-    axis = head.axes[name]
     shift = axis.to_counts(axis.config.home_edge) - latched
     for _ in range(PRESET_TRIES):
         before = await search.rest_idle()
@@ -132,9 +133,11 @@ async def _set_zero(head: "Head", name: str, search: HomingSearch, latched: int)
             return shift
         # It moved between the reading and the PRESET: what went by is known from no register.
         raise HomingError(
-            name, HomingFailure.NOT_AT_REST, f"moved {after - before - shift} counts while the zero was set"
+            axis.name,
+            HomingFailure.NOT_AT_REST,
+            f"moved {after - before - shift} counts while the zero was set",
         )
-    raise HomingError(name, HomingFailure.NOT_AT_REST, f"{PRESET_TRIES} times before the zero was set")
+    raise HomingError(axis.name, HomingFailure.NOT_AT_REST, f"{PRESET_TRIES} times before the zero was set")
 
 
 def _named(name: str, error: BaseException, search: HomingSearch) -> BaseException:
@@ -155,11 +158,11 @@ def _named(name: str, error: BaseException, search: HomingSearch) -> BaseExcepti
     return HomingError(name, HomingFailure.INTERRUPTED, str(error))
 
 
-async def _leave_disabled(head: "Head", name: str) -> None:
+async def _leave_disabled(mover: "Mover", name: str) -> None:
     for _ in range(DISABLE_TRIES):
         try:
-            await head.stopped_by_fault()
-            await head.disable([name])
+            await mover.stopped_by_fault()
+            await mover.disable([name])
             return
         except NoReply as error:
             log.warning("%s: not disabled yet: %s", name, error)

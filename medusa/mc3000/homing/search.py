@@ -8,14 +8,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from medusa.errors import DeviceFault
-from medusa.head.faults import Fault, FaultHub, FaultKind
-from medusa.head.stopping import READ_BACK_SECONDS, STANDING_COUNTS, is_stopped
+from medusa.head.faults import Cause, Fault
+from medusa.head.stopping import READ_BACK_SECONDS
 from medusa.mc3000.axis import Axis
-from medusa.mc3000.board import BoardEvent, Inputs, LatchSource, Mode, Operation
+from medusa.mc3000.board import AxisSnapshot, BoardEvent, Flags, Inputs, LatchSource, Mode, Operation
 from medusa.mc3000.board.board import check_position
+
+if TYPE_CHECKING:
+    from medusa.mc3000.drive import Mc3000Drive
 
 TRAVEL_MARGIN = 1.2
 """The search goes over this much of the range between the soft limits: past both switches."""
@@ -29,6 +32,8 @@ FOLLOWING_DEG = 1.0
 EVENT_SECONDS = 0.7
 """An event that is lost is repeated for this long; then the board itself is asked."""
 REST_LOOKS = 100
+REST_COUNTS = 1
+"""A joint at rest in control may flicker by one count (thesis, servo loop: the DAC's limit cycle)."""
 QUIET_LOOKS = 4
 """The zero is set after the count stood for 0.1 s: a braked joint creeps its last count some T_M late."""
 
@@ -55,13 +60,13 @@ class HomingFailure(Enum):
 
 
 FAILURES = {
-    FaultKind.LIMIT: HomingFailure.LIMIT,
-    FaultKind.AMPLIFIER: HomingFailure.AMPLIFIER_FAULT,
-    FaultKind.RESTARTED: HomingFailure.RESTARTED,
-    FaultKind.LOST: HomingFailure.LINE_LOST,
-    FaultKind.EMERGENCY_STOP: HomingFailure.EMERGENCY_STOP,
-    FaultKind.FOLLOWING: HomingFailure.FOLLOWING,
-    FaultKind.WATCHDOG: HomingFailure.WATCHDOG,
+    Cause.LIMIT: HomingFailure.LIMIT,
+    Cause.DRIVE: HomingFailure.AMPLIFIER_FAULT,
+    Cause.RESTARTED: HomingFailure.RESTARTED,
+    Cause.LOST: HomingFailure.LINE_LOST,
+    Cause.EMERGENCY_STOP: HomingFailure.EMERGENCY_STOP,
+    Cause.FOLLOWING: HomingFailure.FOLLOWING,
+    Cause.WATCHDOG: HomingFailure.WATCHDOG,
 }
 
 
@@ -94,17 +99,17 @@ class Leg:
 class HomingSearch:
     """Moves one joint to its sensor's edge; `fault` ends it as soon as anything stops the head."""
 
-    def __init__(self, axis: Axis, faults: FaultHub) -> None:
+    def __init__(self, axis: Axis, drive: "Mc3000Drive") -> None:
         self._axis = axis
-        self._hub = faults
+        self._drive = drive
         self._fault: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.faults: list[Fault] = []
 
     @contextmanager
     def listening(self) -> Iterator[None]:
         """Within the context this joint's limit switches are expected, and any fault ends the search."""
-        with self._hub.claim(self._axis.name, frozenset({FaultKind.LIMIT}), lambda fault: None):
-            end = self._hub.subscribe(self._note)
+        with self._drive.fault_reports.limit_expected(self._axis.name):
+            end = self._drive.subscribe(self._take_fault)
             try:
                 yield
             finally:
@@ -117,8 +122,8 @@ class HomingSearch:
         await self._retract(coarse)
         return coarse, await self._approach(coarse)
 
-    def _note(self, fault: Fault) -> None:
-        if fault.stops_head:
+    def _take_fault(self, fault: Fault) -> None:
+        if fault.stops_all:
             self.faults.append(fault)
             if not self._fault.done():
                 self._fault.set_result(None)
@@ -129,10 +134,10 @@ class HomingSearch:
     def failure(self) -> HomingError | None:
         """The named failure behind what stopped the head meanwhile; of several, this joint's own."""
         for fault in self.faults:
-            if self._axis.name in fault.axes:
-                return self._fail(FAILURES.get(fault.kind, HomingFailure.INTERRUPTED), fault.reason)
+            if self._axis.name in fault.joints:
+                return self._fail(FAILURES.get(fault.cause, HomingFailure.INTERRUPTED), fault.reason)
         for fault in self.faults:
-            return self._fail(HomingFailure.INTERRUPTED, f"{', '.join(fault.axes)}: {fault.reason}")
+            return self._fail(HomingFailure.INTERRUPTED, f"{', '.join(fault.joints)}: {fault.reason}")
         return None
 
     def raise_fault(self) -> None:
@@ -180,9 +185,9 @@ class HomingSearch:
             here = await board.position(channel)
             profile = axis.profile(max_speed=config.approach_speed)
             distance = away * config.counts_per_degree
-            move = await axis.arm_counts(here + round(distance * BACK_OFF_DEG), profile, start=True)
+            seconds = await axis.start(here + round(distance * BACK_OFF_DEG), profile)
             loop = asyncio.get_running_loop()
-            end = loop.time() + move.seconds - SWITCH_LOOK_SECONDS
+            end = loop.time() + seconds - SWITCH_LOOK_SECONDS
             while loop.time() < end:
                 self.raise_fault()
                 closed = await self._inputs() & SWITCHES
@@ -253,11 +258,9 @@ class HomingSearch:
         try:
             if source is not LatchSource.DISARMED:
                 await axis.board.latch(axis.channel, source)
-            move = await axis.arm_counts(final, profile, start=True)
+            seconds = await axis.start(final, profile)
             either: set[asyncio.Future[Any]] = {ended, self._fault}
-            await asyncio.wait(
-                either, timeout=move.seconds + EVENT_SECONDS, return_when=asyncio.FIRST_COMPLETED
-            )
+            await asyncio.wait(either, timeout=seconds + EVENT_SECONDS, return_when=asyncio.FIRST_COMPLETED)
         finally:
             leave()
         self.raise_fault()
@@ -283,7 +286,7 @@ class HomingSearch:
         await self._axis.set_mode(Mode.IDLE, orderly=True)
         return await self._rest(still=0, looks=QUIET_LOOKS)
 
-    async def _rest(self, still: int = STANDING_COUNTS, looks: int = 1) -> int:
+    async def _rest(self, still: int = REST_COUNTS, looks: int = 1) -> int:
         axis = self._axis
         last: int | None = None
         quiet = 0
@@ -291,14 +294,21 @@ class HomingSearch:
             self.raise_fault()
             snapshot, time = await axis.board.timed_snapshot()
             seen = snapshot.axes[axis.channel]
-            axis.note(seen, time)
-            standing = last is not None and abs(seen.actual - last) <= still and is_stopped(seen)
-            quiet = quiet + 1 if standing else 0
+            axis.take_snapshot(seen, time)
+            at_rest = last is not None and abs(seen.actual - last) <= still and _is_stopped(seen)
+            quiet = quiet + 1 if at_rest else 0
             if quiet >= looks:
                 return seen.actual
             last = seen.actual
             await asyncio.sleep(READ_BACK_SECONDS)
         raise self._fail(HomingFailure.NOT_AT_REST, f"{REST_LOOKS * READ_BACK_SECONDS:.1f} s after the stop")
+
+
+def _is_stopped(seen: AxisSnapshot) -> bool:
+    """True when nothing commands motion: idle, or position mode without a profile."""
+    if seen.mode is Mode.IDLE:
+        return True
+    return seen.mode is Mode.POSITION and not seen.flags & Flags.PROFILE
 
 
 def _leg_listener(axis: Axis, ended: "asyncio.Future[Leg]") -> Callable[[BoardEvent], None]:

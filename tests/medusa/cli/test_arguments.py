@@ -34,7 +34,7 @@ Ctl = Callable[..., Any]
         (
             ["--sim", "jog", "pan", "0.5"],
             2,
-            r"pan: 0\.5°/s is less than half a count .* slowest is 1\.758°/s",
+            r"pan: 0\.5°/s is less than half a step .* slowest is 1\.758°/s",
         ),
         (["--sim", "jog", "nose", "3"], 2, r"no joint 'nose'; the head has pan, tilt"),
         (["--sim", "home", "nose"], 2, r"no joint 'nose'"),

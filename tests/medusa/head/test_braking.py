@@ -7,9 +7,9 @@ from collections.abc import Awaitable, Callable
 import numpy as np
 import pytest
 
-from medusa.head.joint_group import Head
-from medusa.head.saccade import saccade
+from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import Mode
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead
 from sim_devices.mc3000.reports import Recording
 
@@ -20,18 +20,18 @@ WINDOW_SECONDS = 0.02
 """One DAC count more or less for one sample is up to 239°/s² (C/T_M, thesis §1.2): the mean of ten samples."""
 EXCESS = 1.1
 
-End = Callable[[Head, str], Awaitable[object]]
+End = Callable[[JointGroup, str], Awaitable[object]]
 
 
-async def step(head: Head, name: str) -> None:
-    """What a microsaccade begins with: position mode, and a command; no step, which has no ramp by its nature."""
-    await head.axes[name].set_mode(Mode.POSITION)
-    await head.axes[name].command((await head.snapshot()).joints[name].command_angle)
+async def step(head: JointGroup, name: str) -> None:
+    """What a microsaccade begins with; no step, which has no ramp by its nature."""
+    await Mc3000Drive.of(head).axes[name].set_mode(Mode.POSITION)
+    await head.step({name: (await head.read()).joints[name].commanded})
 
 
 ENDS: dict[str, End] = {
     "move": lambda head, name: head.move({name: 15 * DEGREE}),
-    "saccade": lambda head, name: saccade(head, {name: -15 * DEGREE}),
+    "saccade": lambda head, name: head.move({name: -15 * DEGREE}, together=True),
     "step": step,
     "zero velocity": lambda head, name: head.velocity({name: 0.0}),
     "stop": lambda head, name: head.stop(),
@@ -41,9 +41,9 @@ ENDS: dict[str, End] = {
 }
 
 
-async def zero_and_hold(head: Head, name: str) -> None:
+async def zero_and_hold(head: JointGroup, name: str) -> None:
     await head.velocity({name: 0.0})
-    await head.axes[name].set_mode(Mode.POSITION)
+    await Mc3000Drive.of(head).axes[name].set_mode(Mode.POSITION)
 
 
 def peak_deceleration(recording: Recording) -> float:
@@ -58,7 +58,7 @@ def peak_deceleration(recording: Recording) -> float:
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize(("name", "speed"), [("pan", 61.0), ("pan", -120.0), ("tilt", 61.0)])
 async def test_whatever_ends_a_velocity_keeps_to_the_configured_acceleration(
-    sim: SimulatedHead, head: Head, name: str, speed: float, end: str
+    sim: SimulatedHead, head: JointGroup, name: str, speed: float, end: str
 ) -> None:
     await head.move({name: -math.copysign(20, speed) * DEGREE})
     with sim.machine.record(name) as recording:
@@ -71,7 +71,7 @@ async def test_whatever_ends_a_velocity_keeps_to_the_configured_acceleration(
 
 @pytest.mark.parametrize("end", ["stop", "disable", "cancel"])
 async def test_whatever_ends_a_profile_keeps_to_the_configured_acceleration(
-    sim: SimulatedHead, head: Head, end: str
+    sim: SimulatedHead, head: JointGroup, end: str
 ) -> None:
     with sim.machine.record("left_vergence") as recording:
         moving = asyncio.ensure_future(head.move({"left_vergence": 30 * DEGREE}))

@@ -7,10 +7,13 @@ import math
 import pytest
 
 from medusa.errors import CommandError, DeviceFault
-from medusa.head.faults import Fault, FaultKind
-from medusa.head.joint_group import Head
-from medusa.head.moves import MoveStopped, Speeds
-from medusa.mc3000.board import Inputs, Mode
+from medusa.head.drive import Speeds
+from medusa.head.faults import Cause, Fault
+from medusa.head.joint_group import JointGroup
+from medusa.head.moves import MoveStopped
+from medusa.machines import open_head
+from medusa.mc3000.board import Mode
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices.head_config import HeadConfig
 from sim_devices.link.faults import FaultPlan
@@ -47,8 +50,8 @@ async def test_enabling_holds_every_joint_where_it_stands(sim: SimulatedHead) ->
     before = sim.machine.joint_angles(0.0)
     async with sim.open() as head:
         await head.enable()
-        snapshot = await head.snapshot()
-        assert {joint.mode for joint in snapshot.joints.values()} == {Mode.POSITION}
+        snapshot = await head.read()
+        assert {joint.device.mode for joint in snapshot.joints.values()} == {Mode.POSITION}
         assert {joint["bridge"] for joint in joints(sim).values()} == {"enabled"}
         await asyncio.sleep(0.5)
         after = sim.machine.joint_angles(asyncio.get_running_loop().time())
@@ -58,27 +61,27 @@ async def test_enabling_holds_every_joint_where_it_stands(sim: SimulatedHead) ->
 
 
 async def test_without_amplifiers_the_head_is_only_looked_at(sim: SimulatedHead) -> None:
-    async with Head.open(sim.config, sim.boards) as head:
-        assert (await head.snapshot()).joints["pan"].mode is Mode.IDLE
+    async with open_head(sim.config, sim.boards) as head:
+        assert (await head.read()).joints["pan"].device.mode is Mode.IDLE
         with pytest.raises(CommandError, match="no port for the amplifiers"):
             await head.enable()
 
 
-async def test_a_move_brings_all_joints_to_their_angles(sim: SimulatedHead, head: Head) -> None:
+async def test_a_move_brings_all_joints_to_their_angles(sim: SimulatedHead, head: JointGroup) -> None:
     report = await head.move(TARGETS)
     assert all(report.settled.values())
     truth = sim.machine.joint_angles(asyncio.get_running_loop().time())
     for name, angle in TARGETS.items():
         # The dead band of 6.6 counts at most (thesis, nearest registers), the zero, and half a count.
-        assert truth[name] == pytest.approx(angle, abs=9 / head.axes[name].config.counts_per_radian)
-        assert abs(report.errors_counts[name]) <= 8
-        assert (
-            report.planned[name] <= report.ended[name] - report.started[head.axes[name].board.address] + 1e-3
+        assert truth[name] == pytest.approx(
+            angle, abs=9 / Mc3000Drive.of(head).axes[name].config.counts_per_radian
         )
+        assert abs(report.errors[name]) <= 8 / Mc3000Drive.of(head).axes[name].config.counts_per_radian
+        assert report.plan.seconds[name] <= report.ends.ended[name] - report.ends.started[name] + 1e-3
 
 
 async def test_joints_of_one_board_start_in_the_same_sample_and_the_boards_within_two(
-    sim: SimulatedHead, head: Head
+    sim: SimulatedHead, head: JointGroup
 ) -> None:
     names = ("pan", "tilt", "left_vergence")
     firsts = {}
@@ -94,9 +97,9 @@ async def test_joints_of_one_board_start_in_the_same_sample_and_the_boards_withi
     assert firsts["tilt"] == pytest.approx(firsts["left_vergence"], abs=1e-9)
     # Each board has its own clock's phase and its own START frame: two samples of 2.048 ms.
     assert abs(firsts["pan"] - firsts["tilt"]) <= 2 * 0.002048 + 1e-9
-    assert report.repeated == ()
+    assert report.ends.repeated == ()
     # The reported skew comes from stamps of two boards, each known to about a millisecond.
-    assert report.skew == pytest.approx(abs(firsts["pan"] - firsts["tilt"]), abs=0.0035)
+    assert report.start_skew == pytest.approx(abs(firsts["pan"] - firsts["tilt"]), abs=0.0035)
 
 
 async def test_a_start_that_had_to_be_repeated_is_reported_with_its_skew(
@@ -115,31 +118,31 @@ async def test_a_start_that_had_to_be_repeated_is_reported_with_its_skew(
         for turn in range(20):
             angle = (2 if turn % 2 else -2) * DEGREE
             reports.append(await head.move({"pan": angle, "tilt": angle}))
-    repeated = [report for report in reports if report.repeated]
+    repeated = [report for report in reports if report.ends.repeated]
     assert repeated
-    assert "START had to be repeated on board" in caplog.text
+    assert "START had to be repeated on" in caplog.text
     # A request is repeated after 100 ms, so the boards began about that far apart (or the reply was lost).
-    assert max(report.skew for report in repeated) == pytest.approx(0.1, abs=0.01)
-    assert all(report.skew < 0.01 for report in reports if not report.repeated)
+    assert max(report.start_skew for report in repeated) == pytest.approx(0.1, abs=0.01)
+    assert all(report.start_skew < 0.01 for report in reports if not report.ends.repeated)
 
 
-async def test_speeds_of_a_move_may_be_lower_than_configured(head: Head) -> None:
+async def test_speeds_of_a_move_may_be_lower_than_configured(head: JointGroup) -> None:
     slow = await head.move({"pan": 10 * DEGREE}, {"pan": Speeds(max_speed=20 * DEGREE)})
     # 10° at 11 counts a sample (19.3°/s) and 18 ms of ramp.
-    assert slow.planned["pan"] == pytest.approx(10 / 19.34 + 0.018, abs=0.005)
+    assert slow.plan.seconds["pan"] == pytest.approx(10 / 19.34 + 0.018, abs=0.005)
     fast = await head.move({"pan": 0.0})
     # Triangle of 10° at 1080°/s²: 2 √(10/1080).
-    assert fast.planned["pan"] == pytest.approx(2 * math.sqrt(10 / 1080), abs=0.003)
+    assert fast.plan.seconds["pan"] == pytest.approx(2 * math.sqrt(10 / 1080), abs=0.003)
 
 
-async def test_a_move_of_no_distance_ends_at_once(head: Head) -> None:
+async def test_a_move_of_no_distance_ends_at_once(head: JointGroup) -> None:
     await head.move({"pan": 0.1})
     report = await head.move({"pan": 0.1})
-    assert report.planned == {"pan": 0.0}
+    assert report.plan.seconds == {"pan": 0.0}
     assert report.settled == {"pan": True}
 
 
-async def test_one_wrong_target_moves_nothing(sim: SimulatedHead, head: Head) -> None:
+async def test_one_wrong_target_moves_nothing(sim: SimulatedHead, head: JointGroup) -> None:
     before = joints(sim)["pan"]["command_counts"]
     with pytest.raises(CommandError, match=r"tilt: 50.00° is outside"):
         await head.move({"pan": 0.2, "tilt": 50 * DEGREE})
@@ -147,11 +150,11 @@ async def test_one_wrong_target_moves_nothing(sim: SimulatedHead, head: Head) ->
         await head.move({"pan": 0.2, "neck": 0.0})
     await asyncio.sleep(0.3)
     assert joints(sim)["pan"]["command_counts"] == before
-    axis = head.axes["pan"]
+    axis = Mc3000Drive.of(head).axes["pan"]
     assert not (await axis.board.settings(axis.channel)).armed
 
 
-async def test_a_second_move_of_a_moving_joint_is_refused_and_the_first_goes_on(head: Head) -> None:
+async def test_a_second_move_of_a_moving_joint_is_refused_and_the_first_goes_on(head: JointGroup) -> None:
     first = asyncio.ensure_future(head.move({"pan": 40 * DEGREE}))
     await asyncio.sleep(0.1)
     with pytest.raises(CommandError, match="pan: is moving already"):
@@ -161,32 +164,32 @@ async def test_a_second_move_of_a_moving_joint_is_refused_and_the_first_goes_on(
 
 
 async def test_a_joint_that_cannot_be_armed_leaves_the_others_where_they_are(
-    sim: SimulatedHead, head: Head
+    sim: SimulatedHead, head: JointGroup
 ) -> None:
     other = asyncio.ensure_future(head.move({"left_vergence": 30 * DEGREE}))
     await asyncio.sleep(0.05)
     # Behind the driver's back the axis is idle: the board refuses its MOVE.
-    await head.axes["tilt"].board.write(2, 0x05, b"\x01")
+    await Mc3000Drive.of(head).axes["tilt"].board.write(2, 0x05, b"\x01")
     with pytest.raises(CommandError) as refused:
         await head.move({"pan": 0.2, "tilt": 0.2})
     assert "tilt" in str(refused.value) or refused.value.status == 6
-    axis = head.axes["pan"]
+    axis = Mc3000Drive.of(head).axes["pan"]
     assert not (await axis.board.settings(axis.channel)).armed
     assert (await other).settled == {"left_vergence": True}
-    assert (await head.snapshot()).joints["pan"].angle == pytest.approx(0.0, abs=6 / 15915)
+    assert (await head.read()).joints["pan"].angle == pytest.approx(0.0, abs=6 / 15915)
 
 
-async def test_a_cancelled_move_stops_the_head(sim: SimulatedHead, head: Head) -> None:
+async def test_a_cancelled_move_stops_the_head(sim: SimulatedHead, head: JointGroup) -> None:
     moving = asyncio.ensure_future(head.move(TARGETS))
     await asyncio.sleep(0.15)
     moving.cancel()
     with pytest.raises(asyncio.CancelledError):
         await moving
     assert all(abs(float(str(joint["velocity"]))) < 0.01 for joint in joints(sim).values())
-    assert all(not joint.flags & 1 for joint in (await head.snapshot()).joints.values())
+    assert all(not joint.moving for joint in (await head.read()).joints.values())
 
 
-async def test_stop_in_a_move_is_confirmed_and_ends_the_move(sim: SimulatedHead, head: Head) -> None:
+async def test_stop_in_a_move_is_confirmed_and_ends_the_move(sim: SimulatedHead, head: JointGroup) -> None:
     moving = asyncio.ensure_future(head.move({"pan": 90 * DEGREE}))
     await asyncio.sleep(0.2)
     await head.stop()
@@ -197,7 +200,7 @@ async def test_stop_in_a_move_is_confirmed_and_ends_the_move(sim: SimulatedHead,
         await moving
 
 
-async def test_emergency_stop_idles_everything_until_clear(sim: SimulatedHead, head: Head) -> None:
+async def test_emergency_stop_idles_everything_until_clear(sim: SimulatedHead, head: JointGroup) -> None:
     await head.velocity({"pan": 30 * DEGREE, "tilt": 10 * DEGREE})
     await asyncio.sleep(0.2)
     await head.emergency_stop()
@@ -211,10 +214,10 @@ async def test_emergency_stop_idles_everything_until_clear(sim: SimulatedHead, h
     await head.move({"pan": 0.0})
 
 
-async def test_clear_tells_what_remains_latched(sim: SimulatedHead, head: Head) -> None:
+async def test_clear_tells_what_remains_latched(sim: SimulatedHead, head: JointGroup) -> None:
     sim.bench.inject("head.switch", axis="pan", side="positive", held="closed")
     await asyncio.sleep(0.3)
-    assert await head.clear() == {"pan": Inputs.LIMIT_LATCHED}
+    assert await head.clear() == {"pan": frozenset({Cause.LIMIT})}
     sim.bench.inject("head.switch", axis="pan", side="positive", held="free")
     assert await head.clear() == {}
 
@@ -234,13 +237,13 @@ async def test_a_stop_that_cannot_be_confirmed_is_an_error_that_names_the_joints
     assert set(str(unconfirmed.value.axis).split(", ")) == {"pan", "tilt", "left_vergence", "right_vergence"}
 
 
-async def test_park_ends_idle_and_inhibited_at_the_park_angles(sim: SimulatedHead, head: Head) -> None:
+async def test_park_ends_idle_and_inhibited_at_the_park_angles(sim: SimulatedHead, head: JointGroup) -> None:
     await head.move(TARGETS)
     await head.park()
     assert_standing_idle_and_inhibited(sim)
     for name, angle in sim.machine.joint_angles(asyncio.get_running_loop().time()).items():
         # Straight ahead, within the dead band and the zero.
-        assert angle == pytest.approx(0.0, abs=9 / head.axes[name].config.counts_per_radian)
+        assert angle == pytest.approx(0.0, abs=9 / Mc3000Drive.of(head).axes[name].config.counts_per_radian)
     await head.enable()
     await head.move(TARGETS)
 
@@ -255,7 +258,7 @@ async def test_leaving_a_moving_head_leaves_it_stopped_and_says_so(
         await asyncio.sleep(0.2)
     assert_standing_idle_and_inhibited(sim)
     assert "stopped, confirmed" in caplog.text
-    assert "every bridge inhibited at rest" in caplog.text
+    assert "every amplifier inhibited at rest" in caplog.text
 
 
 async def test_an_error_in_the_callers_program_leaves_the_head_stopped(sim: SimulatedHead) -> None:
@@ -271,7 +274,7 @@ async def test_an_error_in_the_callers_program_leaves_the_head_stopped(sim: Simu
     assert_standing_idle_and_inhibited(sim)
 
 
-async def test_bridges_are_inhibited_only_at_rest(sim: SimulatedHead, head: Head) -> None:
+async def test_bridges_are_inhibited_only_at_rest(sim: SimulatedHead, head: JointGroup) -> None:
     await head.velocity({"pan": 100 * DEGREE})
     await asyncio.sleep(0.3)
     fastest = []
@@ -292,10 +295,10 @@ async def test_bridges_are_inhibited_only_at_rest(sim: SimulatedHead, head: Head
 
 
 @pytest.mark.parametrize("rate", [50.0, 80.0])
-async def test_snapshots_stream_at_fifty_hertz_and_more(head: Head, rate: float) -> None:
+async def test_snapshots_stream_at_fifty_hertz_and_more(head: JointGroup, rate: float) -> None:
     times = []
     await head.velocity({"pan": 20 * DEGREE})
-    async for snapshot in head.snapshots(rate):
+    async for snapshot in head.readings(rate):
         times.append(snapshot)
         if len(times) == 51:
             break
@@ -310,36 +313,36 @@ async def test_snapshots_stream_at_fifty_hertz_and_more(head: Head, rate: float)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, 2000.0])
-async def test_a_rate_that_makes_no_sense_is_refused(head: Head, rate: float) -> None:
+async def test_a_rate_that_makes_no_sense_is_refused(head: JointGroup, rate: float) -> None:
     with pytest.raises(CommandError, match=r"not in \(0, 1000\] Hz"):
-        await anext(aiter(head.snapshots(rate)))
+        await anext(aiter(head.readings(rate)))
 
 
-async def test_an_idle_but_enabled_head_keeps_its_watchdogs_fed(sim: SimulatedHead, head: Head) -> None:
+async def test_an_idle_but_enabled_head_keeps_its_watchdogs_fed(sim: SimulatedHead, head: JointGroup) -> None:
     faults: list[Fault] = []
-    head.faults.subscribe(faults.append)
+    head.subscribe(faults.append)
     await asyncio.sleep(20.0)
     assert faults == []
-    statistics = await head.boards[1].session.statistics()
+    statistics = await Mc3000Drive.of(head).boards[1].session.statistics()
     assert statistics.watchdog_trips == 0
     # Fed three times a watchdog of 400 ms, and by nothing else: no busy polling.
     before = statistics.frames
     await asyncio.sleep(20.0)
-    assert (await head.boards[1].session.statistics()).frames - before <= 20 / 0.133 + 2
+    assert (await Mc3000Drive.of(head).boards[1].session.statistics()).frames - before <= 20 / 0.133 + 2
 
 
-async def test_a_head_disabled_is_fed_no_more(head: Head) -> None:
+async def test_a_head_disabled_is_fed_no_more(head: JointGroup) -> None:
     await head.disable()
-    before = (await head.boards[1].session.statistics()).frames
+    before = (await Mc3000Drive.of(head).boards[1].session.statistics()).frames
     await asyncio.sleep(5.0)
-    assert (await head.boards[1].session.statistics()).frames == before + 1
+    assert (await Mc3000Drive.of(head).boards[1].session.statistics()).frames == before + 1
 
 
-async def test_faults_arrive_as_a_stream(sim: SimulatedHead, head: Head) -> None:
-    stream = head.faults.stream()
+async def test_faults_arrive_as_a_stream(sim: SimulatedHead, head: JointGroup) -> None:
+    stream = head.faults()
     first = asyncio.ensure_future(anext(stream))
     await asyncio.sleep(0)
     sim.bench.inject("head.amplifier_fault", axis="tilt")
     fault = await first
-    assert (fault.kind, fault.axes) == (FaultKind.AMPLIFIER, ("tilt",))
+    assert (fault.cause, fault.joints) == (Cause.DRIVE, ("tilt",))
     await stream.aclose()

@@ -6,7 +6,8 @@ import math
 import pytest
 
 from medusa.errors import CommandError
-from medusa.head.saccade import plan_saccade, saccade, saccade_targets
+from medusa.head.saccade import saccade_targets
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import simulated_head
 
 PERIOD = 2.048e-3
@@ -49,17 +50,17 @@ async def test_four_joints_end_in_one_sample_of_each_board_and_settle() -> None:
             sim.machine.record("tilt") as tilt,
             sim.machine.record("pan") as pan,
         ):
-            report = await saccade(head, targets)
-        assert report.settled
+            report = await head.move(targets, together=True)
+        assert report.all_settled
         assert report.plan.early == ()
-        assert report.move.repeated == ()
+        assert report.ends.repeated == ()
         ends = [r.time[r.command.index(r.command[-1])] for r in (left, right, tilt, pan)]
         assert ends[0] == ends[1] == ends[2]  # one board: the very sample
         assert abs(ends[3] - ends[0]) <= 2 * PERIOD + 1e-9  # the two boards
         # What the boards stamped says the same: 1 µs a stamp, and the clocks' estimate is good to one line byte.
         assert report.end_skew == pytest.approx(abs(ends[3] - ends[0]), abs=1e-3)
         for name, angle in sim.machine.joint_angles(asyncio.get_running_loop().time()).items():
-            error = abs(angle - targets[name]) * head.axes[name].config.counts_per_radian
+            error = abs(angle - targets[name]) * Mc3000Drive.of(head).axes[name].config.counts_per_radian
             assert error <= 2  # one count after settling (page 1.7), and up to one between edge and shaft
 
 
@@ -69,11 +70,11 @@ async def test_four_joints_end_in_one_sample_of_each_board_and_settle() -> None:
 async def test_a_thirty_degree_saccade_takes_the_time_of_the_page(name: str, milliseconds: float) -> None:
     async with simulated_head(seed=2) as sim, sim.open() as head:
         await head.home([name])
-        await saccade(head, {name: math.radians(-15)})
+        await head.move({name: math.radians(-15)}, together=True)
         with sim.machine.record(name) as recording:
-            report = await saccade(head, {name: math.radians(15)})
+            report = await head.move({name: math.radians(15)}, together=True)
             await asyncio.sleep(0.2)
-        assert report.settled
+        assert report.all_settled
         moving = [i for i, c in enumerate(recording.command[1:]) if c != recording.command[i]]
         # The first command differs one sample after the start at the latest, and the last is that of the first
         # sample at or after N: up to one sample late.
@@ -88,20 +89,20 @@ async def test_a_joint_too_near_to_be_stretched_ends_early_and_is_named(
 ) -> None:
     async with simulated_head(seed=2) as sim, sim.open() as head:
         await head.home(["pan", "tilt"])
-        report = await saccade(head, {"pan": math.radians(30), "tilt": math.radians(0.01)})
+        report = await head.move({"pan": math.radians(30), "tilt": math.radians(0.01)}, together=True)
         assert report.plan.early == ("tilt",)
         assert "tilt: too near to be stretched" in caplog.text
-        assert report.settled
+        assert report.all_settled
 
 
 async def test_targets_out_of_reach_and_joints_not_homed_are_refused_before_anything_moves() -> None:
     async with simulated_head(seed=2) as sim, sim.open() as head:
         await head.home(["pan"])
         with pytest.raises(CommandError, match=r"pan: 120\.00° is outside the soft limits"):
-            await saccade(head, {"pan": math.radians(120)})
+            await head.move({"pan": math.radians(120)}, together=True)
         with pytest.raises(CommandError, match=r"tilt: is (idle; enable it first|not homed)"):
-            await saccade(head, {"pan": 0.1, "tilt": 0.0})
+            await head.move({"pan": 0.1, "tilt": 0.0}, together=True)
         with pytest.raises(CommandError, match="no joint 'neck'"):
-            plan_saccade(head.axes, {"neck": 0.0}, await head.snapshot())
-        snapshot = await head.snapshot()
+            await head.move({"neck": 0.0}, together=True)
+        snapshot = await head.read()
         assert abs(snapshot.joints["pan"].angle) < 1e-3

@@ -6,10 +6,10 @@ import math
 import pytest
 
 from medusa.errors import CommandError
-from medusa.head.faults import Fault, FaultKind
-from medusa.head.joint_group import Head
-from medusa.head.stopping import is_stopped
-from medusa.mc3000.board import Filter, Inputs, Mode, Profile
+from medusa.head.faults import Cause, Fault
+from medusa.head.joint_group import JointGroup
+from medusa.mc3000.board import Filter, Flags, Inputs, Mode, Profile
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead
 
 DEGREE = math.radians(1)
@@ -21,19 +21,19 @@ def true_angle(sim: SimulatedHead, name: str) -> float:
 
 @pytest.mark.parametrize("name", ["pan", "tilt", "left_vergence", "right_vergence"])
 async def test_a_positive_angle_is_a_positive_joint_angle_whatever_the_wiring(
-    sim: SimulatedHead, head: Head, name: str
+    sim: SimulatedHead, head: JointGroup, name: str
 ) -> None:
     report = await head.move({name: 5 * DEGREE})
     # Resting error within the dead band of 6.6 counts at most (thesis, nearest registers), zero within 2.
     assert true_angle(sim, name) == pytest.approx(
-        5 * DEGREE, abs=9 / head.axes[name].config.counts_per_radian
+        5 * DEGREE, abs=9 / Mc3000Drive.of(head).axes[name].config.counts_per_radian
     )
-    counts = report.snapshot.joints[name].position_counts
+    counts = report.reading.joints[name].device.actual
     assert (counts < 0) == (name == "right_vergence")
 
 
-async def test_settings_are_in_the_board_before_control_is_entered(head: Head) -> None:
-    pan = head.axes["pan"]
+async def test_settings_are_in_the_board_before_control_is_entered(head: JointGroup) -> None:
+    pan = Mc3000Drive.of(head).axes["pan"]
     assert await pan.board.read_filter(pan.channel) == Filter(197, 0, 7, 255)
     # 1080°/s² and 180°/s at 277.778 counts/° and 2.048 ms: 322/256 and 102 (thesis, table 6.3).
     assert await pan.board.read_profile(pan.channel) == Profile(322, 102)
@@ -41,8 +41,8 @@ async def test_settings_are_in_the_board_before_control_is_entered(head: Head) -
     assert (await pan.board.settings(pan.channel)).following_limit == 1389
 
 
-async def test_a_filter_of_another_mode_is_written_while_idle(head: Head) -> None:
-    pan = head.axes["pan"]
+async def test_a_filter_of_another_mode_is_written_while_idle(head: JointGroup) -> None:
+    pan = Mc3000Drive.of(head).axes["pan"]
     await pan.set_mode(Mode.PROPORTIONAL_VELOCITY)
     assert await pan.board.read_filter(pan.channel) == Filter(0, 0, 15, 255)
     assert (await pan.board.settings(pan.channel)).following_limit == 1389
@@ -53,11 +53,9 @@ async def test_a_filter_of_another_mode_is_written_while_idle(head: Head) -> Non
 async def test_an_unhomed_joint_has_no_angle_and_takes_no_command(sim: SimulatedHead) -> None:
     async with sim.open() as head:
         await head.enable()
-        pan = head.axes["pan"]
-        assert math.isnan(await pan.position())
-        assert math.isnan((await head.snapshot()).joints["pan"].angle)
+        assert math.isnan((await head.read()).joints["pan"].angle)
         with pytest.raises(CommandError, match=r"pan: is not homed"):
-            await pan.command(0.0)
+            await head.step({"pan": 0.0})
         with pytest.raises(CommandError, match=r"pan: is not homed"):
             await head.move({"pan": 0.0})
         with pytest.raises(CommandError, match=r"not homed, so its soft limits cannot be kept"):
@@ -66,27 +64,27 @@ async def test_an_unhomed_joint_has_no_angle_and_takes_no_command(sim: Simulated
 
 @pytest.mark.parametrize("angle_deg", [93.5, -93.5, math.nan])
 async def test_a_target_outside_the_soft_limits_is_refused_with_limit_and_value(
-    head: Head, angle_deg: float
+    head: JointGroup, angle_deg: float
 ) -> None:
     with pytest.raises(CommandError, match=rf"{angle_deg:.2f}° is outside the soft limits -93.00..93.00°"):
         await head.move({"pan": math.radians(angle_deg)})
     with pytest.raises(CommandError, match=r"outside the soft limits"):
-        await head.axes["pan"].command(math.radians(angle_deg))
+        await head.step({"pan": math.radians(angle_deg)})
 
 
-async def test_a_command_steps_within_the_following_limit_only(sim: SimulatedHead, head: Head) -> None:
-    pan = head.axes["pan"]
-    await pan.command(2 * DEGREE)
+async def test_a_command_steps_within_the_following_limit_only(sim: SimulatedHead, head: JointGroup) -> None:
+    pan = Mc3000Drive.of(head).axes["pan"]
+    await head.step({"pan": 2 * DEGREE})
     await asyncio.sleep(0.3)
     assert true_angle(sim, "pan") == pytest.approx(2 * DEGREE, abs=5 / pan.config.counts_per_radian)
     with pytest.raises(
         CommandError, match=r"a step of 194[3-7] counts is not under the following limit of 1389"
     ):
-        await pan.command(9 * DEGREE)
+        await head.step({"pan": 9 * DEGREE})
 
 
-async def test_speeds_and_accelerations_over_the_limits_are_refused_with_the_number(head: Head) -> None:
-    from medusa.head.moves import Speeds
+async def test_speeds_and_accelerations_over_the_limits_are_refused_with_the_number(head: JointGroup) -> None:
+    from medusa.head.drive import Speeds
 
     with pytest.raises(CommandError, match=r"tilt: a speed of 112.0°/s is over the limit of 111.6°/s"):
         await head.move({"tilt": 0.1}, {"tilt": Speeds(max_speed=math.radians(112))})
@@ -98,8 +96,8 @@ async def test_speeds_and_accelerations_over_the_limits_are_refused_with_the_num
         await head.velocity({"pan": math.radians(181)})
 
 
-async def test_integral_velocity_runs_at_whole_counts_a_sample(sim: SimulatedHead, head: Head) -> None:
-    pan = head.axes["pan"]
+async def test_integral_velocity_runs_at_whole_counts_a_sample(sim: SimulatedHead, head: JointGroup) -> None:
+    pan = Mc3000Drive.of(head).axes["pan"]
     taken = (await head.velocity({"pan": 20 * DEGREE}))["pan"]
     # 20°/s is 11.38 counts a sample: 11, 19.34°/s.
     assert math.degrees(taken) == pytest.approx(11 / 0.002048 / 277.778, rel=1e-6)
@@ -117,7 +115,7 @@ async def test_integral_velocity_runs_at_whole_counts_a_sample(sim: SimulatedHea
     assert pan.mode is Mode.POSITION
 
 
-async def test_a_reversal_of_more_than_127_counts_a_sample_is_one_motion(head: Head) -> None:
+async def test_a_reversal_of_more_than_127_counts_a_sample_is_one_motion(head: JointGroup) -> None:
     await head.move({"pan": 60 * DEGREE})
     await head.velocity({"pan": -100 * DEGREE})
     await asyncio.sleep(0.3)
@@ -126,43 +124,45 @@ async def test_a_reversal_of_more_than_127_counts_a_sample_is_one_motion(head: H
     await asyncio.sleep(0.1)
     taken = (await head.velocity({"pan": 100 * DEGREE}))["pan"]
     await asyncio.sleep(0.4)
-    seen = await head.snapshot()
+    seen = await head.read()
     await asyncio.sleep(0.1)
-    later = await head.snapshot()
+    later = await head.read()
     speed = (later.joints["pan"].angle - seen.joints["pan"].angle) / (later.time - seen.time)
     assert speed == pytest.approx(taken, rel=0.02)
 
 
-async def test_proportional_velocity_lags_by_the_ratio_of_the_thesis(sim: SimulatedHead, head: Head) -> None:
-    tilt = head.axes["tilt"]
+async def test_proportional_velocity_lags_by_the_ratio_of_the_thesis(
+    sim: SimulatedHead, head: JointGroup
+) -> None:
+    tilt = Mc3000Drive.of(head).axes["tilt"]
     await tilt.set_mode(Mode.PROPORTIONAL_VELOCITY)
-    await tilt.velocity(-60 * DEGREE)
+    await head.velocity({"tilt": -60 * DEGREE})
     await asyncio.sleep(0.1)
     before = true_angle(sim, "tilt")
     await asyncio.sleep(0.1)
     ratio = (true_angle(sim, "tilt") - before) / 0.1 / (-60 * DEGREE)
     # .859 at 60°/s (thesis, proportional velocity mode); the last digit and the clock's rounding.
     assert ratio == pytest.approx(0.859, abs=0.01)
-    await tilt.hold()
+    await head.velocity({"tilt": 0.0})
 
 
 @pytest.mark.parametrize("mode", [Mode.INTEGRAL_VELOCITY, Mode.PROPORTIONAL_VELOCITY])
 @pytest.mark.parametrize("speed_deg", [25.0, -60.0, 170.0])
 async def test_a_joint_stops_before_its_soft_limit_in_the_velocity_modes(
-    sim: SimulatedHead, head: Head, mode: Mode, speed_deg: float
+    sim: SimulatedHead, head: JointGroup, mode: Mode, speed_deg: float
 ) -> None:
     faults: list[Fault] = []
-    head.faults.subscribe(faults.append)
+    head.subscribe(faults.append)
     limit = math.copysign(38.0, speed_deg)
     name = "right_vergence"
     await head.move({name: math.radians(limit - math.copysign(10, speed_deg))})
-    await head.axes[name].set_mode(mode)
+    await Mc3000Drive.of(head).axes[name].set_mode(mode)
     # The last speeds would not stop within 10°: those come from the other side.
     if abs(speed_deg) > 100:
-        await head.axes[name].set_mode(Mode.POSITION)
+        await Mc3000Drive.of(head).axes[name].set_mode(Mode.POSITION)
         await head.move({name: math.radians(-limit * 0.9)})
-        await head.axes[name].set_mode(mode)
-    await head.axes[name].velocity(math.radians(speed_deg))
+        await Mc3000Drive.of(head).axes[name].set_mode(mode)
+    await head.velocity({name: math.radians(speed_deg)})
     await asyncio.sleep(1.5)
     stands = math.degrees(true_angle(sim, name))
     assert abs(stands) <= 38.0
@@ -170,57 +170,58 @@ async def test_a_joint_stops_before_its_soft_limit_in_the_velocity_modes(
     # harder than the configured ramp, whose length, v²/2a, is left to it all the same.
     ramp = speed_deg**2 / 2160 if mode is Mode.PROPORTIONAL_VELOCITY else 0.0
     assert abs(stands) >= 38.0 - 0.5 - abs(speed_deg) * 0.055 - ramp
-    assert [(fault.kind, fault.axes) for fault in faults] == [(FaultKind.SOFT_LIMIT, (name,))]
+    assert [(fault.cause, fault.joints) for fault in faults] == [(Cause.SOFT_LIMIT, (name,))]
     with pytest.raises(CommandError, match=r"cannot stop any more before the soft limit of"):
-        await head.axes[name].velocity(math.radians(speed_deg))
-    await head.axes[name].velocity(math.radians(-speed_deg / 10))
+        await head.velocity({name: math.radians(speed_deg)})
+    await head.velocity({name: math.radians(-speed_deg / 10)})
     await asyncio.sleep(0.2)
     assert abs(math.degrees(true_angle(sim, name))) < abs(stands)
 
 
 async def test_a_lost_encoder_in_proportional_velocity_idles_the_joint(
-    sim: SimulatedHead, head: Head
+    sim: SimulatedHead, head: JointGroup
 ) -> None:
     faults: list[Fault] = []
-    head.faults.subscribe(faults.append)
-    pan = head.axes["pan"]
+    head.subscribe(faults.append)
+    pan = Mc3000Drive.of(head).axes["pan"]
     await pan.set_mode(Mode.PROPORTIONAL_VELOCITY)
-    await pan.velocity(20 * DEGREE)
+    await head.velocity({"pan": 20 * DEGREE})
     await asyncio.sleep(0.3)
     assert faults == []
     sim.bench.inject("head.encoder_loss", axis="pan")
     lost = asyncio.get_running_loop().time()
     # 100 ms of stall, at most one window's phase of 100 ms more, and the requests.
     await asyncio.sleep(0.25)
-    assert [fault.kind for fault in faults] == [FaultKind.STALLED]
-    assert faults[0].axes == ("pan",)
+    assert [fault.cause for fault in faults] == [Cause.STALLED]
+    assert faults[0].joints == ("pan",)
     assert faults[0].time - lost < 0.25
     truth = sim.bench.state()["head"]["joints"]["pan"]
     assert (truth["mode"], truth["motor_command"]) == (0, 0)
 
 
-async def test_a_stop_of_one_axis_leaves_the_others_running(head: Head) -> None:
+async def test_a_stop_of_one_axis_leaves_the_others_running(head: JointGroup) -> None:
     await head.velocity({"pan": 20 * DEGREE, "left_vergence": 10 * DEGREE})
-    await head.axes["pan"].stop()
+    await Mc3000Drive.of(head).axes["pan"].stop()
     await asyncio.sleep(0.3)
-    pan, left = (head.axes[name] for name in ("pan", "left_vergence"))
-    assert is_stopped((await pan.board.snapshot()).axes[pan.channel])
+    pan, left = (Mc3000Drive.of(head).axes[name] for name in ("pan", "left_vergence"))
+    stopped = (await pan.board.snapshot()).axes[pan.channel]
+    assert (stopped.mode, stopped.flags & Flags.PROFILE) == (Mode.POSITION, 0)
     snapshot = await left.board.snapshot()
     assert snapshot.axes[left.channel].mode is Mode.INTEGRAL_VELOCITY
 
 
-async def test_a_stop_overrules_a_mode_change_under_way(head: Head) -> None:
-    pan = head.axes["pan"]
+async def test_a_stop_overrules_a_mode_change_under_way(head: JointGroup) -> None:
+    pan = Mc3000Drive.of(head).axes["pan"]
     await pan.set_mode(Mode.IDLE)
     entering = asyncio.ensure_future(pan.set_mode(Mode.POSITION))
     await asyncio.sleep(0.004)
     await head.stop()
     with pytest.raises(CommandError, match="was stopped before it entered position mode"):
         await entering
-    assert (await head.snapshot()).joints["pan"].mode is Mode.IDLE
+    assert (await head.read()).joints["pan"].device.mode is Mode.IDLE
 
 
-async def test_raw_registers_are_reached_through_the_board(head: Head) -> None:
-    tilt = head.axes["tilt"]
+async def test_raw_registers_are_reached_through_the_board(head: JointGroup) -> None:
+    tilt = Mc3000Drive.of(head).axes["tilt"]
     assert await tilt.board.read(tilt.channel, 0x20) == bytes([220])
     assert await tilt.board.inputs(tilt.channel) == Inputs.HOME

@@ -6,8 +6,9 @@ import struct
 import pytest
 
 from medusa.errors import NoReply, ProtocolError
-from medusa.head.joint_group import Head
-from medusa.mc3000.board import Inputs
+from medusa.head.faults import Cause
+from medusa.machines import open_head
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.servo_amp import AmplifierLine
 from medusa.simulation import SimulatedHead
 
@@ -29,14 +30,14 @@ async def test_a_head_whose_amplifiers_are_not_heard_is_looked_at_and_stopped_bu
         await head.home(["pan"])
     sim.bench.inject("wire.stall", line="servo-amps", seconds=60.0)
     async with sim.open() as head:
-        assert not head.axes["pan"].homed
-        await head.snapshot()
+        assert not Mc3000Drive.of(head).axes["pan"].homed
+        await head.read()
         await head.stop()
         with pytest.raises(NoReply):
             await head.enable(["pan"])
     sim.bench.inject("wire.hang_up", line="servo-amps", seconds=0.1)
-    async with Head.open(sim.config, sim.boards, False, port_name="simulated") as head:
-        assert not head.amplifiers
+    async with open_head(sim.config, sim.boards, False, port_name="simulated") as head:
+        assert not Mc3000Drive.of(head).amplifiers
         await head.stop()
 
 
@@ -45,10 +46,10 @@ async def test_homing_is_believed_again_once_the_amplifiers_are_heard(sim: Simul
         await head.home(["pan"])
     sim.bench.inject("wire.stall", line="servo-amps", seconds=1.0)
     async with sim.open() as head:
-        assert not head.axes["pan"].homed
+        assert not Mc3000Drive.of(head).axes["pan"].homed
     await asyncio.sleep(1.0)
     async with sim.open() as head:
-        assert head.axes["pan"].homed
+        assert Mc3000Drive.of(head).axes["pan"].homed
 
 
 @pytest.mark.parametrize("after", [0.1, 2.0], ids=["before its amplifiers notice", "after they noticed"])
@@ -68,6 +69,4 @@ async def test_what_a_dead_host_left_of_its_bridges_is_cleared_for_good(
     await asyncio.sleep(10.0)
     async with sim.open() as head:
         await head.enable()
-        assert not any(
-            joint.inputs & Inputs.FAULT_LATCHED for joint in (await head.snapshot()).joints.values()
-        )
+        assert not any(Cause.DRIVE in joint.latched for joint in (await head.read()).joints.values())

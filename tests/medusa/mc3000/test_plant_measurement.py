@@ -7,7 +7,8 @@ import pytest
 
 from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.mc3000.board import Mode
-from medusa.mc3000.plant_measurement import Excitation, identify_axis
+from medusa.mc3000.drive import Mc3000Drive
+from medusa.mc3000.plant_measurement import Excitation, measure_plant
 from medusa.servo.thesis import AXES
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices.head_config import HeadConfig
@@ -17,21 +18,21 @@ from sim_devices.head_config import HeadConfig
 async def test_frictionless_plant_is_found_to_three_and_one_per_cent(name: str) -> None:
     async with simulated_head(seed=4) as sim, sim.open() as head:
         await head.home([name])
-        found = await identify_axis(head, name)
+        found = await measure_plant(head, name)
         truth = AXES[name].plant
         assert found.plant.time_constant == pytest.approx(truth.time_constant, rel=0.03)  # the bounds
         assert found.plant.velocity_gain == pytest.approx(truth.velocity_gain, rel=0.01)
         assert abs(found.asymmetry) < 0.01
-        assert head.axes[name].mode is Mode.IDLE
+        assert Mc3000Drive.of(head).axes[name].mode is Mode.IDLE
         # The pulses come in pairs: the joint is left within an excursion of where it stood.
-        assert abs(await head.axes[name].position()) < math.radians(8.0)
+        assert abs((await head.read()).joints[name].angle) < math.radians(8.0)
 
 
 async def test_with_friction_and_backlash_it_is_within_its_stated_uncertainty_and_ten_per_cent() -> None:
     machine = HeadConfig(friction_counts=2.0, backlash_deg=0.02)
     async with simulated_head(seed=6, config=machine) as sim, sim.open() as head:
         await head.home(["tilt"])
-        found = await identify_axis(head, "tilt")
+        found = await measure_plant(head, "tilt")
         truth = AXES["tilt"].plant
         error = abs(found.plant.time_constant - truth.time_constant)
         assert error < 0.1 * truth.time_constant
@@ -44,16 +45,16 @@ async def test_an_axis_not_homed_or_near_a_limit_is_refused_and_nothing_moves() 
     async with simulated_head(seed=4) as sim, sim.open() as head:
         before = sim.machine.joint_angles(asyncio.get_running_loop().time())
         with pytest.raises(CommandError, match="left_vergence: is not homed"):
-            await identify_axis(head, "left_vergence")
+            await measure_plant(head, "left_vergence")
         assert head.enabled == frozenset()
         await head.home(["left_vergence"])
         await head.move({"left_vergence": math.radians(30.0)})
         with pytest.raises(
             CommandError, match=r"stands at 30\.\d+°, [78]\.\d+° from its soft limit of 38\.00°.*16\.00°"
         ):
-            await identify_axis(head, "left_vergence")
+            await measure_plant(head, "left_vergence")
         with pytest.raises(CommandError, match="no joint 'neck'"):
-            await identify_axis(head, "neck")
+            await measure_plant(head, "neck")
         after = sim.machine.joint_angles(asyncio.get_running_loop().time())
         assert after["pan"] == before["pan"]
         # Stood where it was moved to: within the dead band of 7 counts.
@@ -65,7 +66,7 @@ async def test_excitation_stays_within_its_excursion() -> None:
         await head.home(["left_vergence"])
         start = sim.machine.joint_angles(asyncio.get_running_loop().time())["left_vergence"]
         with sim.machine.record("left_vergence") as recording:
-            await identify_axis(head, "left_vergence", Excitation(excursion=math.radians(5.0)))
+            await measure_plant(head, "left_vergence", Excitation(excursion=math.radians(5.0)))
         away = max(abs(angle - start) for angle in recording.angle)
         assert math.radians(2.0) < away < math.radians(7.5)  # stopped by force at 1.5 excursions
 
@@ -76,7 +77,7 @@ async def test_a_cable_pulled_in_a_pulse_leaves_the_joint_idle_inside_its_limits
         async def measure() -> None:
             async with sim.open() as head:
                 await head.home(["tilt"])
-                await identify_axis(head, "tilt")
+                await measure_plant(head, "tilt")
 
         measuring = asyncio.create_task(measure())
         await _until_driven(sim, "tilt", 5)
@@ -105,8 +106,8 @@ async def _until_driven(sim: SimulatedHead, name: str, dac: int) -> None:
 async def test_an_emergency_stop_in_a_pulse_is_a_fault_of_the_joint_not_a_mistake_of_the_caller() -> None:
     async with simulated_head(seed=4) as sim, sim.open() as head:
         await head.home(["tilt"])
-        where = await head.axes["tilt"].position()
-        measuring = asyncio.create_task(identify_axis(head, "tilt"))
+        where = (await head.read()).joints["tilt"].angle
+        measuring = asyncio.create_task(measure_plant(head, "tilt"))
         await _until_driven(sim, "tilt", 5)
         sim.bench.inject("head.emergency_stop")
         with pytest.raises(
@@ -114,7 +115,7 @@ async def test_an_emergency_stop_in_a_pulse_is_a_fault_of_the_joint_not_a_mistak
         ) as caught:
             await measuring
         assert caught.value.axis == "tilt"
-        assert abs(await head.axes["tilt"].position() - where) < math.radians(16.0)  # two excursions
+        assert abs((await head.read()).joints["tilt"].angle - where) < math.radians(16.0)  # two excursions
 
 
 async def test_a_joint_without_power_is_a_fault_that_says_so() -> None:
@@ -122,8 +123,8 @@ async def test_a_joint_without_power_is_a_fault_that_says_so() -> None:
         await head.home(["pan"])
         sim.bench.inject("head.current_limits", axis="pan", peak=1e-4, continuous=1e-4)
         with pytest.raises(DeviceFault, match=r"pan: \d counts after"):
-            await identify_axis(head, "pan")
-        assert head.axes["pan"].mode is Mode.IDLE
+            await measure_plant(head, "pan")
+        assert Mc3000Drive.of(head).axes["pan"].mode is Mode.IDLE
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,10 @@ import pytest
 
 from medusa.config.file import load_config, write_keys
 from medusa.errors import CommandError, ConfigError, DeviceFault
+from medusa.mc3000.check_record import CheckRecord
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.mc3000.simulated_config import simulated_toml
-from medusa.mc3000.wiring_check import CheckRecord, check_axis
+from medusa.mc3000.wiring_check import check_axis
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices.head_config import HeadConfig
 
@@ -35,8 +37,8 @@ async def test_pulses_stay_within_four_dac_counts_and_fifty_milliseconds(
     assert len(driven) * (record.time[1] - record.time[0]) <= 2 * (0.05 + 0.003)
     # C·4·(t − T_M) counts with the largest C of 1235: nowhere near half a degree.
     assert max(record.angle) - min(record.angle) < math.radians(0.6)
-    assert result.forward_counts * head.axes[name].config.sign > 0
-    assert result.backward_counts * head.axes[name].config.sign < 0
+    assert result.forward_counts * Mc3000Drive.of(head).axes[name].config.sign > 0
+    assert result.backward_counts * Mc3000Drive.of(head).axes[name].config.sign < 0
 
 
 async def test_a_checked_joint_is_left_disabled(sim: SimulatedHead) -> None:
@@ -89,7 +91,7 @@ def test_the_record_lies_beside_the_configuration(config_path: Path) -> None:
     config = load_config(config_path)
     record = CheckRecord.of(config, "/dev/ttyUSB0")
     assert not record.holds("pan", config)
-    record.note("pan", config)
+    record.add("pan", config)
     again = CheckRecord.of(config, "/dev/ttyUSB0")
     assert again.holds("pan", config)
     assert not again.holds("tilt", config)
@@ -99,10 +101,10 @@ def test_the_record_lies_beside_the_configuration(config_path: Path) -> None:
 
 def test_what_the_emulated_head_passed_does_not_count_for_the_real_one(config_path: Path) -> None:
     config = load_config(config_path)
-    CheckRecord.of(config, "simulated").note("pan", config)
+    CheckRecord.of(config, "simulated").add("pan", config)
     assert CheckRecord.of(config, "simulated").holds("pan", config)
     assert not CheckRecord.of(config, "/dev/ttyUSB0").holds("pan", config)
-    CheckRecord.of(config, "/dev/ttyUSB0").note("pan", config)
+    CheckRecord.of(config, "/dev/ttyUSB0").add("pan", config)
     assert CheckRecord.of(config, "simulated").holds("pan", config)
 
 

@@ -10,9 +10,11 @@ import msgspec
 import pytest
 
 from medusa.errors import CommandError
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
+from medusa.machines import open_head
 from medusa.mc3000.board import Mode
 from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.mc3000.homing.mark import NO_MARK, make_mark
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices import head_config
@@ -70,11 +72,13 @@ async def test_the_zero_repeats_within_two_counts_with_friction_and_backlash() -
         assert max(abs(error) for error in errors) <= 2, name
 
 
-async def test_homing_without_friction_sets_straight_ahead_to_zero(sim: SimulatedHead, head: Head) -> None:
+async def test_homing_without_friction_sets_straight_ahead_to_zero(
+    sim: SimulatedHead, head: JointGroup
+) -> None:
     truth = sim.machine.joint_angles(asyncio.get_running_loop().time())
     for name, angle in truth.items():
         # Latch within a count of the edge, and the dead band of 6.6 counts at most.
-        assert abs(angle) * head.axes[name].config.counts_per_radian <= 8
+        assert abs(angle) * Mc3000Drive.of(head).axes[name].config.counts_per_radian <= 8
 
 
 async def test_joints_home_in_the_order_that_keeps_them_apart(sim: SimulatedHead) -> None:
@@ -103,8 +107,8 @@ async def test_a_joint_that_starts_beyond_a_limit_switch_backs_off_and_homes(
     sim.bench.inject("head.place", axis="pan", angle=math.radians(angle_deg))
     async with sim.open() as head:
         await head.home(["pan"])
-        assert head.axes["pan"].homed
-        settings = await head.axes["pan"].board.settings(0)
+        assert Mc3000Drive.of(head).axes["pan"].homed
+        settings = await Mc3000Drive.of(head).axes["pan"].board.settings(0)
         assert settings.limit_enable
     truth = sim.machine.joint_angles(asyncio.get_running_loop().time())["pan"]
     assert math.degrees(truth) == pytest.approx(0.0, abs=8 / 277)
@@ -113,7 +117,7 @@ async def test_a_joint_that_starts_beyond_a_limit_switch_backs_off_and_homes(
 async def test_homing_only_the_named_joints(sim: SimulatedHead) -> None:
     async with sim.open() as head:
         assert set(await head.home(["left_vergence"])) == {"left_vergence"}
-        assert {name for name, axis in head.axes.items() if axis.homed} == {"left_vergence"}
+        assert {name for name, axis in Mc3000Drive.of(head).axes.items() if axis.homed} == {"left_vergence"}
         with pytest.raises(CommandError, match="there is no joint 'neck'"):
             await head.home(["neck"])
 
@@ -123,9 +127,9 @@ async def test_a_new_process_believes_the_mark(sim: SimulatedHead) -> None:
         await head.home()
         await head.move({"pan": 0.3})
     async with sim.open() as head:
-        assert all(axis.homed for axis in head.axes.values())
+        assert all(axis.homed for axis in Mc3000Drive.of(head).axes.values())
         # 0.3 rad within the dead band, zero and rounding; idle in between, it stands where it stood.
-        assert (await head.snapshot()).joints["pan"].angle == pytest.approx(0.3, abs=6 / 15915)
+        assert (await head.read()).joints["pan"].angle == pytest.approx(0.3, abs=6 / 15915)
 
 
 @pytest.fixture
@@ -137,7 +141,7 @@ async def homed(sim: SimulatedHead) -> SimulatedHead:
 
 async def homed_joints(sim: SimulatedHead, config: HeadConfig | None = None) -> set[str]:
     async with sim.open(config) as head:
-        return {name for name, axis in head.axes.items() if axis.homed}
+        return {name for name, axis in Mc3000Drive.of(head).axes.items() if axis.homed}
 
 
 async def test_a_restarted_board_is_not_believed(homed: SimulatedHead) -> None:
@@ -154,41 +158,41 @@ async def test_another_configuration_is_not_believed(homed: SimulatedHead) -> No
 
 
 async def test_another_port_is_not_believed(homed: SimulatedHead) -> None:
-    async with Head.open(homed.config, homed.boards, homed.amps, port_name="another") as head:
-        assert not any(axis.homed for axis in head.axes.values())
+    async with open_head(homed.config, homed.boards, homed.amps, port_name="another") as head:
+        assert not any(axis.homed for axis in Mc3000Drive.of(head).axes.values())
 
 
 async def test_a_lost_feedback_zeroes_the_mark(homed: SimulatedHead) -> None:
     homed.bench.inject("head.encoder_loss", axis="tilt", at="both")
     assert await homed_joints(homed) == {"pan", "left_vergence", "right_vergence"}
     async with homed.open() as head:
-        assert await head.axes["tilt"].board.read_mark(2) == NO_MARK
+        assert await Mc3000Drive.of(head).axes["tilt"].board.read_mark(2) == NO_MARK
 
 
 async def test_a_preset_voids_the_mark(homed: SimulatedHead) -> None:
     async with homed.open() as head:
-        await head.axes["pan"].board.preset(0, 5)
+        await Mc3000Drive.of(head).axes["pan"].board.preset(0, 5)
     assert await homed_joints(homed) == {"tilt", "left_vergence", "right_vergence"}
 
 
 async def test_the_mark_is_written_last_of_all(sim: SimulatedHead) -> None:
     async with sim.open() as head:
-        pan = head.axes["pan"]
+        pan = Mc3000Drive.of(head).axes["pan"]
         marks: list[tuple[bytes, Mode, bool]] = []
 
         async def watch() -> None:
             while not marks or marks[-1][0] == NO_MARK:
-                joint = (await head.snapshot()).joints["pan"]
+                joint = (await head.read()).joints["pan"]
                 mark = await pan.board.read_mark(0)
                 at_home = pan.homed and abs(joint.angle) < 0.01
-                marks.append((mark, joint.mode, at_home))
+                marks.append((mark, joint.device.mode, at_home))
                 await asyncio.sleep(0.02)
 
         watching = asyncio.ensure_future(watch())
         await head.home(["pan"])
         await watching
         # As long as there was no mark there was no trust; with it, the joint stood at its home angle.
-        assert marks[-1] == (head.mark("pan"), Mode.POSITION, True)
+        assert marks[-1] == (Mc3000Drive.of(head).mark("pan"), Mode.POSITION, True)
         assert all(mark == NO_MARK for mark, _, _ in marks[:-1])
 
 

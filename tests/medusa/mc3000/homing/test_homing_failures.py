@@ -5,19 +5,20 @@ import math
 
 import pytest
 
-from medusa.head.joint_group import Head
+from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import BoardEvent, Operation
+from medusa.mc3000.drive import Mc3000Drive
 from medusa.mc3000.homing.mark import NO_MARK
 from medusa.mc3000.homing.search import HomingError, HomingFailure
 from medusa.simulation import SimulatedHead
 
 
-async def expect_failure(head: Head, name: str, failure: HomingFailure) -> str:
+async def expect_failure(head: JointGroup, name: str, failure: HomingFailure) -> str:
     with pytest.raises(HomingError) as failed:
         await head.home([name])
     assert failed.value.failure is failure
     assert failed.value.axis == name
-    assert not head.axes[name].homed
+    assert not Mc3000Drive.of(head).axes[name].homed
     return str(failed.value)
 
 
@@ -32,7 +33,7 @@ async def test_no_sensor_within_travel(sim: SimulatedHead) -> None:
         async with sim.open() as head:
             told = await expect_failure(head, "tilt", HomingFailure.NO_SENSOR)
             assert_left_disabled(sim, "tilt")
-            assert await head.axes["tilt"].board.read_mark(2) == NO_MARK
+            assert await Mc3000Drive.of(head).axes["tilt"].board.read_mark(2) == NO_MARK
     assert "no sensor within travel" in told
     # It went to the positive switch, reversed there, and looked as far as the negative one.
     assert math.degrees(max(record.angle)) >= 40.0
@@ -70,7 +71,7 @@ async def test_still_on_the_sensor_after_retract(sim: SimulatedHead) -> None:
             if event.operation is Operation.LATCH_CAUGHT:
                 sim.bench.inject("head.sensor", axis="pan", stuck="on")
 
-        head.axes["pan"].subscribe(stick)
+        Mc3000Drive.of(head).axes["pan"].subscribe(stick)
         told = await expect_failure(head, "pan", HomingFailure.STILL_ON_SWITCH)
         assert "2° before its edge" in told
         assert_left_disabled(sim, "pan")
@@ -138,7 +139,7 @@ async def test_cancelled_homing_leaves_the_joint_disabled_and_unmarked(sim: Simu
         with pytest.raises(asyncio.CancelledError):
             await homing
         assert_left_disabled(sim, "pan")
-        assert await head.axes["pan"].board.read_mark(0) == NO_MARK
+        assert await Mc3000Drive.of(head).axes["pan"].board.read_mark(0) == NO_MARK
 
 
 async def test_a_wrong_sign_does_not_home(sim: SimulatedHead) -> None:
@@ -159,4 +160,4 @@ async def test_the_joint_that_failed_is_named_not_the_one_that_it_interrupted(si
         assert (failed.value.axis, failed.value.failure) == ("left_vergence", HomingFailure.AMPLIFIER_FAULT)
         for name in eyes:
             assert_left_disabled(sim, name)
-            assert not head.axes[name].homed
+            assert not Mc3000Drive.of(head).axes[name].homed
