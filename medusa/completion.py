@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-async def complete(work: Coroutine[Any, Any, T]) -> T:
-    """Run `work` to its end; a caller that is cancelled meanwhile hears of it only then."""
+async def run_to_completion(work: Coroutine[Any, Any, T]) -> T:
+    """Run `work` to its end; a cancellation of the caller meanwhile is raised only then."""
     task = asyncio.ensure_future(work)
     cancelled = False
     while not task.done():
@@ -17,7 +17,7 @@ async def complete(work: Coroutine[Any, Any, T]) -> T:
         except asyncio.CancelledError:
             cancelled = True
     if cancelled:
-        # What the work itself has to tell gives way to the cancellation, but is not lost silently.
+        # The error of the work gives way to the cancellation, but is not lost silently.
         if not task.cancelled() and (error := task.exception()) is not None:
             raise asyncio.CancelledError from error
         raise asyncio.CancelledError

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Self
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, MedusaError
 from medusa.head.drive import Capabilities, Drive, JointTraits, Reading, Speeds
 from medusa.head.fault_reaction import FaultReaction
@@ -68,14 +68,14 @@ class JointGroup:
         except BaseException as ended:
             # What ended the context is raised; what then kept the head from being confirmed at rest, as its note.
             try:
-                await complete(group._close())
+                await run_to_completion(group._close())
             except MedusaError as error:
                 log.error("%s", error)
                 if str(error) not in str(ended):
                     ended.add_note(f"the head could not be confirmed at rest: {error}")
             raise
         else:
-            await complete(group._close())
+            await run_to_completion(group._close())
 
     async def _close(self) -> None:
         try:

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Collection, Coroutine, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.head.drive import Drive, MoveEnds, MovePlan, Reading, Speeds
 from medusa.head.faults import Fault, JointFault
@@ -128,7 +128,7 @@ class Moves:
             raise
         except BaseException:
             # Cancelled half-way: whatever began comes to rest before the caller goes on.
-            await complete(self._stop())
+            await run_to_completion(self._stop())
             raise
         finally:
             del self._running[failure]

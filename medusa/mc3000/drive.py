@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from contextlib import AsyncExitStack
 from typing import Any, Literal
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceFault, MedusaError, ProtocolError
 from medusa.head.drive import (
     Drive,
@@ -177,7 +177,7 @@ class Mc3000Drive(Drive):
                 for name in set(names) - set(free):
                     log.warning("%s: its limit is latched; it stays idle until homing backs it off", name)
         except BaseException:
-            await complete(self._give_up(new))
+            await run_to_completion(self._give_up(new))
             raise
         log.info("enabled: %s", ", ".join(names))
 

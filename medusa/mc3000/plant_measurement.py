@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceFault, MedusaError
 from medusa.head.joint_group import JointGroup
 from medusa.mc3000.axis import Axis
@@ -80,7 +80,7 @@ async def measure_plant(group: JointGroup, name: str, excitation: Excitation | N
     except BaseException as error:
         # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
         try:
-            await complete(_leave(drive, axis))
+            await run_to_completion(_leave(drive, axis))
         except MedusaError as unconfirmed:
             log.error("%s: %s", name, unconfirmed)
         if isinstance(error, CommandError) and error.status is not None:
@@ -197,7 +197,7 @@ class _Watcher:
             while loop.time() < end:
                 await self._look()
         finally:
-            await complete(self._drive(0))
+            await run_to_completion(self._drive(0))
         await asyncio.sleep(phase)
         await self._coast()
         time, counts, shown = zip(*self._samples, strict=True)

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from dataclasses import dataclass
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceFault
 from medusa.head.joint_group import JointGroup
 from medusa.mc3000.axis import Axis
@@ -65,7 +65,7 @@ async def check_axis(group: JointGroup, name: str) -> CheckResult:
                     axis=name,
                 )
     finally:
-        await complete(group.disable([name]))
+        await run_to_completion(group.disable([name]))
     CheckRecord.of(drive.config, drive.port_name).add(name, drive.config)
     log.info("%s: checked, %d and %d counts", name, forward, backward)
     return CheckResult(name, size, forward, backward)
@@ -81,7 +81,7 @@ async def _pulse(drive: Mc3000Drive, name: str, motor_command: int) -> int:
         )
         await asyncio.sleep(PULSE_SECONDS)
     finally:
-        await complete(_release(axis))
+        await run_to_completion(_release(axis))
     await drive.rest([name])
     return await axis.board.position(axis.channel) - before
 

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 
 
 async def test_a_cancelled_caller_waits_for_the_end() -> None:
@@ -14,7 +14,7 @@ async def test_a_cancelled_caller_waits_for_the_end() -> None:
         await asyncio.sleep(1.0)
         ended.append(asyncio.get_running_loop().time())
 
-    caller = asyncio.ensure_future(complete(stop()))
+    caller = asyncio.ensure_future(run_to_completion(stop()))
     for _ in range(3):
         await asyncio.sleep(0.1)
         caller.cancel()
@@ -30,9 +30,9 @@ async def test_result_and_error_reach_the_caller() -> None:
     async def error() -> None:
         raise ZeroDivisionError
 
-    assert await complete(result()) == 3
+    assert await run_to_completion(result()) == 3
     with pytest.raises(ZeroDivisionError):
-        await complete(error())
+        await run_to_completion(error())
 
 
 async def test_an_error_of_the_work_is_the_cause_of_the_cancellation() -> None:
@@ -40,7 +40,7 @@ async def test_an_error_of_the_work_is_the_cause_of_the_cancellation() -> None:
         await asyncio.sleep(0.1)
         raise ZeroDivisionError
 
-    caller = asyncio.ensure_future(complete(fail()))
+    caller = asyncio.ensure_future(run_to_completion(fail()))
     await asyncio.sleep(0.05)
     caller.cancel()
     with pytest.raises(asyncio.CancelledError) as cancelled:

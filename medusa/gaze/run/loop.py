@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import MedusaError
 from medusa.gaze.command import Command, GazeLimits, Hold, Position, Pursue, Saccade, Sighting, Velocity
 from medusa.gaze.report.track_log import TrackLog
@@ -117,12 +117,12 @@ class GazeLoop:
             await self._run(loop.time() + seconds, pump)
         except BaseException:
             try:
-                await complete(self.head.stop())
+                await run_to_completion(self.head.stop())
             except MedusaError as error:
                 log.error("%s", error)
             raise
         else:
-            await complete(self.head.stop())
+            await run_to_completion(self.head.stop())
         finally:
             end_faults()
             pump.cancel()

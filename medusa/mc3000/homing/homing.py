@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
 from medusa.mc3000.board import Mode
 from medusa.mc3000.check_record import CheckRecord
@@ -103,7 +103,7 @@ async def home_axis(drive: "Mc3000Drive", name: str, mover: "Mover") -> HomingRe
                 raise HomingError(name, HomingFailure.INTERRUPTED, "the mark does not read back")
         except BaseException as error:
             axis.homed = False
-            await complete(_leave_disabled(mover, name))
+            await run_to_completion(_leave_disabled(mover, name))
             failure = _named(name, error, search)
             if failure is error:
                 raise
