@@ -18,8 +18,8 @@ from msgspec import Meta
 from labmate.calibration import Calibration
 from labmate.messages import Limits
 from labmate.odometry import OdometryNoise
-from labmate.replace_file import replace_file
 from medusa.errors import ConfigError
+from medusa.files.replace_file import replace_file
 
 T = TypeVar("T")
 

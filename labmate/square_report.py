@@ -11,9 +11,9 @@ from typing import Any
 
 from labmate.calibration import DIRECTIONS, Calibration, Direction
 from labmate.odometry import Pose, WheelGeometry
-from labmate.replace_file import replace_file
 from labmate.square import SquareResult, SquareRun, true_end
 from medusa.errors import ConfigError
+from medusa.files.replace_file import replace_file
 
 RECORD_NAME = "square.json"
 FIGURE_NAME = "square.png"

@@ -33,8 +33,8 @@ def init(
 
     async def body() -> None:
         from labmate.config import template
-        from labmate.replace_file import replace_file
         from labmate.simulation import SIM_VALUES
+        from medusa.files.replace_file import replace_file
 
         replace_file(path, template(SIM_VALUES if options.sim else None))
 

@@ -71,7 +71,6 @@ def square_in_simulation(options: Options, side: float, out: Path, calibration: 
         import json
 
         from labmate.config import write_calibration
-        from labmate.replace_file import replace_file
         from labmate.square_report import (
             CALIBRATION_NAME,
             FIGURE_NAME,
@@ -80,6 +79,7 @@ def square_in_simulation(options: Options, side: float, out: Path, calibration: 
             summary,
             write_record,
         )
+        from medusa.files.replace_file import replace_file
 
         kept = calibration or out / CALIBRATION_NAME
         document = summary(result, true)

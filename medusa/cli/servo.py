@@ -75,7 +75,7 @@ def identify(
 
     async def body() -> None:
         from medusa.mc3000.plant_measurement import Excitation, measure_plant
-        from medusa.replace_file import replace_file
+        from medusa.files.replace_file import replace_file
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
         async with options.head(homed=True, joints=[axis]) as (head, _):

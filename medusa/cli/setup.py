@@ -24,7 +24,7 @@ def init(
         from medusa.config.file import template
         from medusa.errors import CommandError
         from medusa.mc3000.simulated_config import simulated_toml
-        from medusa.replace_file import replace_file
+        from medusa.files.replace_file import replace_file
 
         if file.exists() and not force:
             raise CommandError(f"{file} exists; --force replaces it")

@@ -14,7 +14,7 @@ from tomlkit.exceptions import TOMLKitError
 from medusa.errors import ConfigError
 from medusa.mc3000.config import HeadConfig
 from medusa.mc3000.config_limits import check_limits
-from medusa.replace_file import replace_file
+from medusa.files.replace_file import replace_file
 
 DEFAULT_FILE = "medusa.toml"
 

@@ -8,7 +8,7 @@ from typing import Self
 from medusa.errors import ConfigError
 from medusa.mc3000.config import HeadConfig
 from medusa.mc3000.homing.mark import axis_digest
-from medusa.replace_file import replace_file
+from medusa.files.replace_file import replace_file
 
 
 class CheckRecord:
