@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from importlib import resources
 from math import radians
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -19,9 +19,8 @@ from labmate.calibration import Calibration
 from labmate.messages import Limits
 from labmate.odometry import OdometryNoise
 from medusa.errors import ConfigError
+from medusa.files.configuration import parse, read_text
 from medusa.files.replace_file import replace_file
-
-T = TypeVar("T")
 
 
 class PortConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -143,12 +142,12 @@ class CalibrationFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 
 def read_config(path: Path) -> BaseConfig:
     """Read a configuration; raises ConfigError naming file, key, value and what is allowed."""
-    return msgspec.structs.replace(_read(path, BaseConfig), file=str(path))
+    return msgspec.structs.replace(parse(read_text(path), BaseConfig, str(path)), file=str(path))
 
 
 def read_calibration(path: Path) -> CalibrationFile:
     """Read a calibration; raises ConfigError, also when its lengths are in another unit than millimetres."""
-    found = msgspec.structs.replace(_read(path, CalibrationFile), file=str(path))
+    found = msgspec.structs.replace(parse(read_text(path), CalibrationFile, str(path)), file=str(path))
     measured, nominal = found.calibration.wheel_base_mm, found.nominal.wheel_base_mm
     if not 0.9 <= measured / nominal <= 1.1:
         raise ConfigError(
@@ -186,87 +185,3 @@ def template(filled: Mapping[str, float] | None = None) -> str:
     for key, value in (filled or {}).items():
         text = re.sub(rf'^{key} = ""', f"{key} = {value:g}", text, flags=re.MULTILINE)
     return text
-
-
-def _read(path: Path, kind: type[T]) -> T:
-    import tomllib
-
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(str(path), "", None, f"cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(str(path), "", None, "is not UTF-8 text") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(str(path), "", None, f"is not TOML: {error}") from error
-    if "file" in raw:
-        raise ConfigError(str(path), "file", raw["file"], "is not a key of this file")
-    try:
-        return msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        raise _explained(str(path), raw, kind, str(error)) from None
-
-
-def _explained(file: str, raw: dict[str, Any], kind: type, text: str) -> ConfigError:
-    """Turn msgspec's complaint into file, key, value and allowed range."""
-    complaint, _, place = text.partition(" - at `$")
-    keys = [key for key in place.rstrip("`").split(".") if key]
-    if missing := re.match(r"Object (missing required|contains unknown) field `(\w+)`", complaint):
-        keys.append(missing[2])
-        if missing[1] == "contains unknown":
-            return ConfigError(file, ".".join(keys), _at(raw, keys), "is not a key of this file")
-        return ConfigError(file, ".".join(keys), None, f"is missing; {_allowed(kind, keys)}")
-    value = _at(raw, keys)
-    allowed = _allowed(kind, keys)
-    if value == "":
-        return ConfigError(file, ".".join(keys), value, f"is not filled in; {allowed}")
-    hint = _unit_hint(kind, keys, value)
-    return ConfigError(file, ".".join(keys), value, (allowed or complaint) + hint)
-
-
-def _at(raw: Any, keys: list[str]) -> Any:
-    for key in keys:
-        raw = raw.get(key) if isinstance(raw, dict) else None
-    return raw
-
-
-def _field_type(kind: type, keys: list[str]) -> msgspec.inspect.Type | None:
-    found: msgspec.inspect.Type = msgspec.inspect.type_info(kind)
-    for key in keys:
-        if not isinstance(found, msgspec.inspect.StructType):
-            return None
-        field = next((field for field in found.fields if field.name == key), None)
-        if field is None:
-            return None
-        found = field.type
-    return found
-
-
-def _allowed(kind: type, keys: list[str]) -> str:
-    found = _field_type(kind, keys)
-    if isinstance(found, msgspec.inspect.LiteralType):
-        return "must be one of " + ", ".join(str(value) for value in found.values)
-    if isinstance(found, msgspec.inspect.FloatType | msgspec.inspect.IntType):
-        noun = "a number" if isinstance(found, msgspec.inspect.FloatType) else "a whole number"
-        low = "" if found.ge is None else f" from {found.ge}"
-        high = "" if found.le is None else f" to {found.le}"
-        return f"must be {noun}{low}{high}"
-    if isinstance(found, msgspec.inspect.StructType):
-        return "must be a table"
-    return "must be text"
-
-
-def _unit_hint(kind: type, keys: list[str], value: object) -> str:
-    """Say so when the value would fit after a change of unit that people commonly miss."""
-    found = _field_type(kind, keys)
-    if not isinstance(found, msgspec.inspect.FloatType) or found.ge is None or found.le is None:
-        return ""
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return ""
-    units = (("metres", "millimetres", 1e3),) if keys[-1].endswith("_mm") else ()
-    if keys[-1].endswith(("_m_s", "_m_s2")):
-        units = (("millimetres", "metres", 1e-3),)
-    for wrong, right, factor in units:
-        if found.ge <= value * factor <= found.le:
-            return f"; {value} looks like {wrong}, the key is in {right}"
-    return ""

@@ -7,7 +7,8 @@ speeds: thesis, tables 6.1 and 6.3; filters: the registers nearest to thesis (6.
 from functools import cache
 from typing import Any
 
-from medusa.config.file import fill, parse_config, template
+from medusa.config.file import parse_config, template
+from medusa.files.configuration import fill
 from medusa.mc3000.config import HeadConfig
 
 TIMER = 255

@@ -112,7 +112,7 @@ def test_init_leaves_the_hazardous_keys_empty_and_the_simulations_filled(run: Ru
     assert run("init")[0] == 0
     code, _, told = run("--sim", "--config", "labmate.toml", "go", "1")
     assert (code, told.count("\n")) == (3, 1)
-    assert "limits.speed_m_s = '': is not filled in" in told
+    assert "limits.speed_m_s = '': has to be filled in" in told
     assert run("init")[0] == 2
     assert run("--sim", "init", "--force", "labmate.toml")[0] == 0
     assert run("--sim", "--config", "labmate.toml", "go", "0.1")[0] == 0
