@@ -10,7 +10,7 @@ import typer
 
 from labmate.cli.options import Options
 from labmate.cli.square import OUT, square_in_simulation
-from labmate.cli.tables import print_table
+from labmate.cli.tables import print_values
 
 if TYPE_CHECKING:
     from labmate.calibration import Calibration
@@ -68,9 +68,7 @@ def calibrate(
     from labmate.square_report import calibration_in_words
 
     document = calibration_in_words(found) | {"written": out}
-    options.show(
-        document, lambda: print_table("calibration", [{"": k, "value": v} for k, v in document.items()])
-    )
+    options.show(document, lambda: print_values("calibration", document))
 
 
 def _measured(text: str, pose: type[Pose]) -> tuple[str, Pose]:

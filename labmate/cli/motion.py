@@ -29,12 +29,12 @@ def register(app: typer.Typer) -> None:
 def go(
     context: typer.Context, distance: float = typer.Argument(..., help="Metres; negative: backwards.")
 ) -> None:
-    """Drive straight on, and say what ended it."""
+    """Drive straight on, and report what ended it."""
     _travel(context.obj, "GO", distance)
 
 
 def turn(context: typer.Context, angle: float = typer.Argument(..., help="Degrees, positive left.")) -> None:
-    """Turn on the spot, and say what ended it."""
+    """Turn on the spot, and report what ended it."""
     _travel(context.obj, "TURN", angle)
 
 
@@ -61,7 +61,7 @@ def drive(
                     await asyncio.sleep(min(0.1, end - loop.time()))
             return await base.snapshot()
 
-    _tell(options, options.run(body), "stands at")
+    _show(options, options.run(body), "at rest at")
 
 
 def stop(context: typer.Context) -> None:
@@ -72,7 +72,7 @@ def stop(context: typer.Context) -> None:
         async with options.base(to_stop=True) as (base, _):
             return await base.stop()
 
-    _tell(options, options.run(body), "stands at")
+    _show(options, options.run(body), "at rest at")
 
 
 def estop(context: typer.Context) -> None:
@@ -102,7 +102,7 @@ def estop(context: typer.Context) -> None:
             base = await stack.enter_async_context(Base(line, None, path=port, address=address))
             return await base.emergency_stop()
 
-    _tell(options, options.run(body), "emergency stop latched; stands at")
+    _show(options, options.run(body), "emergency stop latched; at rest at")
 
 
 def clear(context: typer.Context) -> None:
@@ -117,12 +117,12 @@ def clear(context: typer.Context) -> None:
     from labmate.messages import Flags
 
     latched = bool(snapshot.flags & Flags.EMERGENCY_STOP)
-    _tell(
+    _show(
         options,
         snapshot,
-        "emergency stop still latched (is the button released?); stands at"
+        "emergency stop still latched (is the button released?); at rest at"
         if latched
-        else "clear; stands at",
+        else "clear; at rest at",
     )
     if latched:
         raise typer.Exit(6)
@@ -140,5 +140,5 @@ def _travel(options: Options, kind: str, amount: float) -> None:
     options.show(report_document(report), lambda: print(report))
 
 
-def _tell(options: Options, snapshot: BaseSnapshot, told: str) -> None:
-    options.show(snapshot_document(snapshot), lambda: print(f"{told} {pose_line(snapshot)}"))
+def _show(options: Options, snapshot: BaseSnapshot, state: str) -> None:
+    options.show(snapshot_document(snapshot), lambda: print(f"{state} {pose_line(snapshot)}"))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from labmate.cli.options import DEFAULT_FILE, Options
-from labmate.cli.tables import pose_line, print_table, snapshot_document
+from labmate.cli.tables import pose_line, print_values, snapshot_document
 
 if TYPE_CHECKING:
     from labmate.motion import BaseSnapshot
@@ -44,7 +44,7 @@ def init(
 
 
 def status(context: typer.Context) -> None:
-    """What the base says of itself: mode, flags, battery, line statistics."""
+    """What the base reports of itself: mode, flags, battery, line statistics."""
     options: Options = context.obj
 
     async def body() -> tuple[BaseSnapshot, dict[str, Any]]:
@@ -69,16 +69,16 @@ def status(context: typer.Context) -> None:
 
     snapshot, facts = options.run(body)
     document = snapshot_document(snapshot) | facts
-    options.show(document, lambda: print_table("Labmate", [{"": k, "value": v} for k, v in document.items()]))
+    options.show(document, lambda: print_values("Labmate", document))
 
 
 def pose(
     context: typer.Context,
     set_to: tuple[float, float, float] = typer.Option(
-        None, "--set", metavar="X Y HEADING", help="Tell the standing base where it is: m, m, degrees."
+        None, "--set", metavar="X Y HEADING", help="Set the pose of the base at rest: m, m, degrees."
     ),
 ) -> None:
-    """Where the base believes it is, by its own odometry."""
+    """The base's pose, by its own odometry."""
     options: Options = context.obj
 
     async def body() -> tuple[BaseSnapshot, dict[str, Any]]:

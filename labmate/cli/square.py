@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from labmate.cli.options import Options
-from labmate.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from labmate.calibration import Direction
@@ -43,7 +43,7 @@ def square(
         square_in_simulation(options, side, Path(out))
     elif not direction:
         options.fail(
-            "on the floor one way at a time: --direction ccw, measure where it stands, then --direction cw"
+            "on the floor one way at a time: --direction ccw, measure where it came to rest, then --direction cw"
         )
     else:
         _square_on_the_floor(options, side, "ccw" if direction == "ccw" else "cw", Path(out))
@@ -134,11 +134,11 @@ def _print_summary(document: dict[str, Any]) -> None:
         {
             "square": run["direction"],
             "driven by": run["driven_by"],
-            "s": run["seconds"],
-            "true end x mm": round(1e3 * run["true_end"]["x_m"], 1),
-            "y mm": round(1e3 * run["true_end"]["y_m"], 1),
-            "heading °": round(run["true_end"]["heading_deg"], 2),
-            "closing mm": round(run["closing_mm"]["distance"], 2),
+            "s": f"{run['seconds']:.1f}",
+            "true end x mm": f"{1e3 * run['true_end']['x_m']:.1f}",
+            "y mm": f"{1e3 * run['true_end']['y_m']:.1f}",
+            "heading °": f"{run['true_end']['heading_deg']:.2f}",
+            "closing mm": f"{run['closing_mm']['distance']:.2f}",
         }
         for run in document["runs"]
     ]
@@ -147,10 +147,10 @@ def _print_summary(document: dict[str, Any]) -> None:
     rows = [
         {
             "": name,
-            "nominal": round(document["nominal"][key], 5),
-            "estimated": found[key],
-            "±": found[deviation],
-            "true": document["true"][key],
+            "nominal": str(round(document["nominal"][key], 5)),
+            "estimated": str(found[key]),
+            "±": str(found[deviation]),
+            "true": str(document["true"][key]),
         }
         for name, key, deviation in (
             ("wheel base, mm", "wheel_base_mm", "wheel_base_deviation_mm"),
@@ -178,13 +178,13 @@ def _progress(options: Options, legs: int) -> Iterator[Callable[[Progress], None
             if leg in done:
                 return
             done.add(leg)
-            told = f"{progress.direction}{', calibrated' if progress.calibrated else ''}"
+            run = f"{progress.direction}{', calibrated' if progress.calibrated else ''}"
             p = progress.snapshot.odometry
             at = f"leg {progress.done} of {progress.of}, odometry at {p.x:.3f}, {p.y:.3f} m"
             if console.is_terminal:
-                bars.update(bar, completed=len(done), description=f"{told}: {at}")
+                bars.update(bar, completed=len(done), description=f"{run}: {at}")
             else:
-                options.say(f"{told}: {at}")
+                options.progress(f"{run}: {at}")
 
         yield show
         bars.update(bar, completed=legs)

@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from labmate.motion import BaseSnapshot, MotionReport
 
 
-def print_table(title: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """One row a mapping; its keys are the columns."""
-    from rich.console import Console
-
-    Console().print(make_table(title, rows))
-
-
-def make_table(title: str, rows: Sequence[Mapping[str, Any]]) -> Any:
-    """The same as a renderable."""
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    columns = list(rows[0]) if rows else []
-    for column in columns:
-        right = all(isinstance(row[column], int | float) for row in rows)
-        table.add_column(column.replace("_", " "), justify="right" if right else "left")
-    for row in rows:
-        table.add_row(*(_cell(row[column]) for column in columns))
-    return table
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "–"
-    if isinstance(value, list):
-        return ", ".join(str(item) for item in value) or "none"
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {item}" for key, item in value.items())
-    return str(value)
+def print_values(title: str, document: Mapping[str, Any]) -> None:
+    """A document as a table of two columns, its numbers with all their digits."""
+    rows = [
+        {"": key, "value": str(value) if isinstance(value, float) else value}
+        for key, value in document.items()
+    ]
+    print_table(title, rows)
 
 
 def snapshot_document(snapshot: BaseSnapshot) -> dict[str, Any]:

@@ -41,8 +41,8 @@ def teleop(context: typer.Context) -> None:
                 await _Teleop(base, keyboard, view).run()
             return await base.stop()
 
-    snapshot = options.run(body, live=True)
-    options.show(snapshot_document(snapshot), lambda: print(f"stands at {pose_line(snapshot)}"))
+    snapshot = options.run(body, realtime=True)
+    options.show(snapshot_document(snapshot), lambda: print(f"at rest at {pose_line(snapshot)}"))
 
 
 class _Keyboard:
@@ -51,7 +51,7 @@ class _Keyboard:
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self.gone = False
-        self.waiting: list[str] = []
+        self.pressed: list[str] = []
 
     def read(self) -> None:
         from labmate.keyboard import split_keys
@@ -63,7 +63,7 @@ class _Keyboard:
         if not data:
             self.gone = True
             asyncio.get_running_loop().remove_reader(self.descriptor)
-        self.waiting += split_keys(data)
+        self.pressed += split_keys(data)
 
 
 @contextmanager
@@ -97,7 +97,7 @@ class _Teleop:
         self._keyboard = keyboard
         self._view = view
         self._keys: Keys = Keys()
-        self._told = ""
+        self._message = ""
         self._quit = False
         self._ticks = 0
 
@@ -112,14 +112,14 @@ class _Teleop:
                 async with self._base.steer(hold=0.3) as steering:
                     await self._steer(steering)
             except MedusaError as error:
-                # A bumper, an emergency stop: told, and the next key is a new command.
-                self._told = str(error)
+                # A bumper, an emergency stop: shown, and the next key is a new command.
+                self._message = str(error)
                 self._keys.release()
                 self._base.connection.require_ready()
 
     async def _steer(self, steering: Steering) -> None:
         limits = self._base.limits
-        self._told = ""
+        self._message = ""
         while not self._over and steering.failure is None:
             command = self._keys.command(self._now)
             ahead, left = command if command is not None else (0.0, 0.0)
@@ -137,12 +137,12 @@ class _Teleop:
             more = {
                 "keys drive at": f"{100 * self._keys.scale:.0f} % of the limits",
                 "keys": HELP,
-                "told": self._told,
+                "message": self._message,
             }
             self._view.update(live_table(snapshot, more), refresh=True)
         await asyncio.sleep(0.05)
-        waiting, self._keyboard.waiting = self._keyboard.waiting, []
-        for key in waiting:
+        pressed, self._keyboard.pressed = self._keyboard.pressed, []
+        for key in pressed:
             await self._take(key)
         return snapshot
 
@@ -152,10 +152,10 @@ class _Teleop:
         elif key == "!":
             self._keys.release()
             await self._base.emergency_stop()
-            self._told = "emergency stop latched; c clears it"
+            self._message = "emergency stop latched; c clears it"
         elif key == "c":
             await self._base.clear()
-            self._told = ""
+            self._message = ""
         else:
             self._keys.press(key, self._now)
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from labmate.cli.options import Options
-from labmate.cli.tables import make_table, snapshot_document
+from labmate.cli.tables import snapshot_document
+from medusa.console import make_table
 
 if TYPE_CHECKING:
     from labmate.motion import BaseSnapshot
@@ -45,7 +46,7 @@ def monitor(
                     if seconds > 0.0 and loop.time() - started >= seconds:
                         break
 
-    options.run(body, live=seconds <= 0.0)
+    options.run(body, realtime=seconds <= 0.0)
     options.show({"snapshots": documents}, lambda: None)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from medusa.cli.options import Options
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.calibration.head_geometry import HeadCalibration
@@ -91,9 +91,9 @@ async def _by_hand(
 
     found = {}
     for side, name in zip(("left", "right"), names, strict=True):
-        options.say(f"turn the board before the {side} eye")
+        options.progress(f"turn the board before the {side} eye")
         camera = await stack.enter_async_context(open_camera(name, CaptureSettings(rate=rate), name=side))
-        views = await collect_by_hand(camera, board, count, seconds, options.say)
+        views = await collect_by_hand(camera, board, count, seconds, options.progress)
         frame = camera.latest()
         size = (0, 0) if frame is None else frame.size
         found[side] = _lens(views, size)
@@ -124,7 +124,7 @@ async def _by_head(
             await stack.enter_async_context(open_camera(names[1], settings, name="right")),
         )
     wanted = postures(count, pan=turn, tilt=turn, version=turn, vergence=1.5 * turn)
-    seen = await collect_postures(head, cameras, board, wanted, options.say)
+    seen = await collect_postures(head, cameras, board, wanted, options.progress)
     found = {}
     for side, camera in zip(("left", "right"), cameras, strict=True):
         frame = camera.latest()

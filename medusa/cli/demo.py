@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from medusa.cli.options import Options
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.head.drive import Reading
@@ -54,7 +54,7 @@ def demo(
     options.show(
         document, lambda: print_table("gaze directions, degrees", [_short(row) for row in document["gazes"]])
     )
-    options.say(f"left behind: {out / 'demo.json'}" + (f", {out / 'demo.png'}" if picture else ""))
+    options.progress(f"left behind: {out / 'demo.json'}" + (f", {out / 'demo.png'}" if picture else ""))
 
 
 def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, Any], list[Reading]]":
@@ -68,18 +68,18 @@ def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, An
         async with options.head() as (head, _):
             camera = loop.create_task(_film(head, rate, film), name="film the demo")
             try:
-                options.say("enable and home")
+                options.progress("enable and home")
                 await head.home()
                 marks = [("home", loop.time())]
                 rows = []
                 for name, pan, tilt, version, vergence in GAZES:
-                    options.say(f"look {name}")
+                    options.progress(f"look {name}")
                     angles = Joints(pan, tilt, *eyes_from_version(version, vergence)).as_axes()
                     report = await head.move({axis: math.radians(angle) for axis, angle in angles.items()})
                     rows.append(_row(name, angles, report))
                     await asyncio.sleep(dwell)
                     marks.append((name, loop.time()))
-                options.say("park")
+                options.progress("park")
                 await head.park()
                 marks.append(("parked", loop.time()))
             finally:

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.servo.design import ServoDesign
@@ -47,7 +47,7 @@ def print_designs(designs: "dict[str, ServoDesign]", document: dict[str, Any]) -
         for misprint in document[name]["velocity"]["misprints"]:
             print(f"{name}: {misprint}")
     print()
-    print_table("table 6.3: what the thesis asks of profiles, and what stands in the way", _profiles(designs))
+    print_table("table 6.3: what the thesis asks of profiles, and what is in the way", _profiles(designs))
     print_table(
         "bytes: worst 2 % settling in ms by step in counts; dead band; margins",
         [_tried(row) for row in document["bytes"]],
@@ -108,16 +108,16 @@ def _profiles(designs: "dict[str, ServoDesign]") -> list[dict[str, Any]]:
         joint = JOINTS[name]
         try:
             made.scale.check_speed(joint.profile_speed)
-            told = "–"
+            limit = "–"
         except CommandError as error:
-            told = str(error).partition(": ")[2]
+            limit = str(error).partition(": ")[2]
         rows.append(
             {
                 "axis": name,
                 "speed rad/s": f"{joint.profile_speed / math.pi:g} π",
                 "acceleration": f"{joint.profile_acceleration / math.pi:g} π",
                 "register": made.scale.acceleration_register(joint.profile_acceleration),
-                "in the way": told,
+                "in the way": limit,
             }
         )
     return rows

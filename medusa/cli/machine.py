@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from medusa.cli.options import Options
-from medusa.cli.tables import make_table, print_table
+from medusa.console import make_table, print_table
 
 if TYPE_CHECKING:
     from medusa.head.drive import Reading
@@ -70,7 +70,7 @@ def joint_rows(head: "JointGroup", reading: "Reading") -> list[dict[str, Any]]:
 
 
 def status(context: typer.Context) -> None:
-    """Where every joint stands, what is latched, what the amplifiers say."""
+    """Position of every joint, what is latched, what the amplifiers report."""
     options: Options = context.obj
 
     async def body() -> None:
@@ -110,7 +110,7 @@ async def _amplifier_rows(head: "JointGroup") -> list[dict[str, Any]]:
 
 
 def amps(context: typer.Context) -> None:
-    """What the servo amplifiers say: bridge, faults, bus voltage, current, speed."""
+    """What the servo amplifiers report: bridge, faults, bus voltage, current, speed."""
     options: Options = context.obj
 
     async def body() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from medusa.cli.options import Options
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.head.faults import Cause
@@ -87,7 +87,7 @@ def move(
     left: float = typer.Option(None, help="Left eye, degrees, positive left."),
     right: float = typer.Option(None, help="Right eye, degrees, positive left."),
 ) -> None:
-    """Move joints together, each by its own trapezoid, and wait until they rest."""
+    """Move joints together, each by its own trapezoid, and wait until they are at rest."""
     options: Options = context.obj
     angles = {"pan": pan, "tilt": tilt, "left_vergence": left, "right_vergence": right}
     targets = {name: angle for name, angle in angles.items() if angle is not None}
@@ -150,7 +150,7 @@ def jog(
             end = head.subscribe(lambda fault: None if faults.done() else faults.set_result(fault))
             try:
                 taken = await head.velocity({axis: math.radians(speed)})
-                options.say(f"{axis}: {math.degrees(taken[axis]):+.3f}°/s for {seconds:g} s")
+                options.progress(f"{axis}: {math.degrees(taken[axis]):+.3f}°/s for {seconds:g} s")
                 await asyncio.wait([faults], timeout=seconds)
             finally:
                 end()
@@ -161,7 +161,7 @@ def jog(
         angle = math.degrees(reading.joints[axis].angle)
         options.show(
             {"axis": axis, "speed_deg_s": math.degrees(taken[axis]), "angle_deg": angle},
-            lambda: print(f"{axis}: stands at {angle:.3f}°"),
+            lambda: print(f"{axis}: at rest at {angle:.3f}°"),
         )
 
     options.run(body)
@@ -180,16 +180,18 @@ def _check_speed(head: "JointGroup", name: str, speed_deg_s: float) -> None:
 
 def stop(context: typer.Context) -> None:
     """Stop every joint, confirmed by reading back."""
-    _standing(context.obj, "stop", "every joint stands")
+    _stop_and_confirm(context.obj, "stop", "every joint is at rest")
 
 
 def estop(context: typer.Context) -> None:
     """Emergency stop: everything idle at once and latched, confirmed by reading back; `clear` releases it."""
-    _standing(context.obj, "emergency_stop", "emergency stop latched, every joint idle", first=_latch_unheard)
+    _stop_and_confirm(
+        context.obj, "emergency_stop", "emergency stop latched, every joint idle", first=_latch_unanswered
+    )
 
 
-async def _latch_unheard(options: Options) -> None:
-    """Send the emergency stop before any greeting: boards that cannot be heard may still hear."""
+async def _latch_unanswered(options: Options) -> None:
+    """Send the emergency stop before any handshake: boards that do not answer may still receive."""
     from medusa.errors import ConfigError, NoReply
     from medusa.link import Line
 
@@ -210,18 +212,18 @@ async def _latch_unheard(options: Options) -> None:
         try:
             await line.emergency_stop()
         except NoReply as error:
-            options.say(str(error))
+            options.progress(str(error))
 
 
-def _standing(
-    options: Options, what: str, said: str, first: Callable[[Options], Awaitable[None]] | None = None
+def _stop_and_confirm(
+    options: Options, what: str, state: str, first: Callable[[Options], Awaitable[None]] | None = None
 ) -> None:
     async def body() -> None:
         if first is not None:
             await first(options)
         async with options.head(amplifiers=False) as (head, _):
             await getattr(head, what)()
-        options.show({"confirmed": True}, lambda: print(said))
+        options.show({"confirmed": True}, lambda: print(state))
 
     options.run(body)
 

@@ -9,7 +9,7 @@ import typer
 
 from medusa.cli.motion import AXES, error_counts
 from medusa.cli.options import Options
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.head.joint_group import JointGroup
@@ -68,7 +68,7 @@ def identify(
 ) -> None:
     """Measure a joint's time constant, velocity gain and friction by short open-loop pulses.
 
-    The joint has to be homed and to stand two excursions clear of both soft limits. Errors are two standard
+    The joint has to be homed, and two excursions clear of both soft limits. Errors are two standard
     deviations.
     """
     options: Options = context.obj
@@ -172,8 +172,8 @@ def _print_tuned(tunings: "list[Tuning]", written: bool, file: str | None) -> No
         ]
         print_table(f"{tuning.axis}: 2 % settling in ms of steps of 100, 1000, 10000 counts", short)
     if written:
-        told = file if file is not None else "no file: this head has no configuration file"
-        print(f"written to the board and to {told}; check and home the joint again")
+        where = file if file is not None else "no file: this head has no configuration file"
+        print(f"written to the board and to {where}; check and home the joint again")
 
 
 def saccade(

@@ -29,7 +29,7 @@ def init(
         if file.exists() and not force:
             raise CommandError(f"{file} exists; --force replaces it")
         replace_file(file, simulated_toml() if options.sim else template())
-        options.say(f"wrote {file}" + ("" if options.sim else "; fill in the keys that are empty"))
+        options.progress(f"wrote {file}" + ("" if options.sim else "; fill in the keys that are empty"))
         options.show({"file": str(file)}, lambda: None)
 
     options.run(body)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from medusa.cli.options import Options
-from medusa.cli.tables import print_table
+from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.cli.track_eyes import Eyes
@@ -54,7 +54,7 @@ def track(
 ) -> None:
     """Find a target with both eyes, jump to it, follow it, keep both eyes on it; then a table and a figure."""
     options: Options = context.obj
-    wish = {
+    settings = {
         "threshold": threshold, "least_area": least_area, "roundness": roundness, "patch": patch,
         "screen": screen, "target": target, "pixels": pixels, "latency": latency, "rate": rate,
         "left": left, "right": right, "cameras": cameras, "vergence": vergence,
@@ -68,10 +68,10 @@ def track(
         if vergence not in ("targets", "disparity"):
             raise CommandError(f"there is no vergence from {vergence!r}; there is targets, disparity")
         choice = GazeChoice(rate, controller, gains, coordination)
-        world = simulated_world(wish) if options.sim else None
+        world = simulated_world(settings) if options.sim else None
         async with AsyncExitStack() as stack:
             head, simulated = await stack.enter_async_context(options.head(homed=True, world=world))
-            opened = simulated_eyes(simulated, wish) if simulated is not None else real_eyes(wish)
+            opened = simulated_eyes(simulated, settings) if simulated is not None else real_eyes(settings)
             eyes = await stack.enter_async_context(opened)
             log, document = await _follow(options, head, eyes, choice, seconds, video)
         return log, document
@@ -80,7 +80,7 @@ def track(
     log, document = options.run(body)
     _leave(options, log, document, out)
     options.show(document, lambda: print_table("gaze, degrees and milliseconds", _rows(document)))
-    options.say("left behind: " + ", ".join(document["files"]))
+    options.progress("left behind: " + ", ".join(document["files"]))
 
 
 def _make_folder(options: Options, out: Path) -> None:
@@ -118,9 +118,11 @@ async def _follow(
             choice.loop_settings(head.traits, eyes.geometry), listener=film,
         )  # fmt: skip
         start = loop.time()
-        progress = loop.create_task(_tell(options, gaze_loop, start), name="tell how it goes")
+        progress = loop.create_task(_report(options, gaze_loop, start), name="report progress")
         stack.callback(progress.cancel)
-        options.say(f"tracking for {seconds:g} s: {choice.controller}, coordination ({choice.coordination})")
+        options.progress(
+            f"tracking for {seconds:g} s: {choice.controller}, coordination ({choice.coordination})"
+        )
         log = await gaze_loop.run(seconds)
         camera_counts = {camera.name: vars(camera.statistics) for camera in eyes.cameras}
     summary = log.summary(since=start + min(2.0, seconds / 4.0))
@@ -137,7 +139,7 @@ async def _follow(
     return log, document
 
 
-async def _tell(options: Options, gaze_loop: "GazeLoop", start: float) -> None:
+async def _report(options: Options, gaze_loop: "GazeLoop", start: float) -> None:
     """A line of progress every two seconds."""
     loop = asyncio.get_running_loop()
     while True:
@@ -147,7 +149,7 @@ async def _tell(options: Options, gaze_loop: "GazeLoop", start: float) -> None:
         seen = [error for error in errors if not math.isnan(error)]
         worst = f"worst error {max(seen):5.2f}°" if seen else "target not seen"
         jumps = len(gaze_loop.log.saccades)
-        options.say(
+        options.progress(
             f"{loop.time() - start:6.1f} s  {len(seen):3d} of {len(rows):3d} pictures  {worst}  {jumps} saccades"
         )
 

@@ -40,74 +40,74 @@ class Eyes:
         return Retina(*self.intrinsics, *self.detectors, turns=self.turns, by_disparity=self.by_disparity)
 
 
-def simulated_world(wish: Mapping[str, Any]) -> Any:
+def simulated_world(settings: Mapping[str, Any]) -> Any:
     """The emulated surroundings that the command line asks for; raises CommandError."""
     from medusa.simulation import simulated_surroundings
 
-    if wish["left"] or wish["right"] or wish["cameras"]:
+    if settings["left"] or settings["right"] or settings["cameras"]:
         raise CommandError("--sim brings its own cameras: leave --left, --right and --cameras out")
-    if wish["target"] not in ("lamp", "texture"):
-        raise CommandError(f"there is no emulated target {wish['target']!r}; there is lamp, texture")
+    if settings["target"] not in ("lamp", "texture"):
+        raise CommandError(f"there is no emulated target {settings['target']!r}; there is lamp, texture")
     return simulated_surroundings(
-        target=wish["target"], screen=wish["screen"], pixels=wish["pixels"], rate=wish["rate"],
-        latency_ms=wish["latency"],
+        target=settings["target"], screen=settings["screen"], pixels=settings["pixels"], rate=settings["rate"],
+        latency_ms=settings["latency"],
     )  # fmt: skip
 
 
 @asynccontextmanager
-async def simulated_eyes(simulated: "SimulatedHead", wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
-    """Both emulated eyes; what a perfect calibration would say of them."""
+async def simulated_eyes(simulated: "SimulatedHead", settings: Mapping[str, Any]) -> AsyncIterator[Eyes]:
+    """Both emulated eyes; as a perfect calibration would describe them."""
     lens = simulated.intrinsics()
-    if wish["patch"] or wish["target"] == "texture":
-        patch = _read_patch(wish["patch"]) if wish["patch"] else simulated.target_patch()
+    if settings["patch"] or settings["target"] == "texture":
+        patch = _read_patch(settings["patch"]) if settings["patch"] else simulated.target_patch()
         detectors = patch_detectors(patch)
-    elif wish["screen"]:
+    elif settings["screen"]:
         # The disc is some 0.15 of the picture's width; the background's bright parts are larger or ragged.
         size = min(lens.width, 128)
-        area = float(wish["least_area"]) or 0.02 * lens.width**2
+        area = float(settings["least_area"]) or 0.02 * lens.width**2
         # A rectangle is 3/π = 0.955 round, an ellipse 1.
-        round_enough = wish["roundness"] or 0.97
+        round_enough = settings["roundness"] or 0.97
         shape = Shape(area * (size / lens.width) ** 2, 0.3 * size**2, round_enough, 0.4)
-        detectors = bright_detectors(wish["threshold"], size=size, shape=shape)
+        detectors = bright_detectors(settings["threshold"], size=size, shape=shape)
     else:
-        detectors = bright_detectors(wish["threshold"], shape=_shape(wish))
+        detectors = bright_detectors(settings["threshold"], shape=_shape(settings))
     async with simulated.cameras() as cameras:
         yield Eyes(
             cameras,
             (lens, lens),
             simulated.geometry(),
             detectors,
-            by_disparity=wish["vergence"] == "disparity",
+            by_disparity=settings["vergence"] == "disparity",
         )
 
 
 @asynccontextmanager
-async def real_eyes(wish: Mapping[str, Any]) -> AsyncIterator[Eyes]:
+async def real_eyes(settings: Mapping[str, Any]) -> AsyncIterator[Eyes]:
     """Two cameras with the calibration that `medusa-ctl calibrate` wrote; raises CommandError, CameraError."""
-    if wish["screen"]:
+    if settings["screen"]:
         raise CommandError("--screen needs --sim: real pictures are shown in the emulated room")
     for key in ("left", "right", "cameras"):
-        if not wish[key]:
+        if not settings[key]:
             raise CommandError(f"--{key} is needed without --sim")
-    path = Path(wish["cameras"])
+    path = Path(settings["cameras"])
     lenses = load_intrinsics(path, "left"), load_intrinsics(path, "right")
     geometry, turns = _load_geometry(path)
-    settings = _capture_settings(path, float(wish["rate"]))
+    capture = _capture_settings(path, float(settings["rate"]))
     detectors = (
-        patch_detectors(_read_patch(wish["patch"]))
-        if wish["patch"]
-        else bright_detectors(wish["threshold"], shape=_shape(wish))
+        patch_detectors(_read_patch(settings["patch"]))
+        if settings["patch"]
+        else bright_detectors(settings["threshold"], shape=_shape(settings))
     )
-    left = open_camera(wish["left"], settings, name="left")
-    right = open_camera(wish["right"], settings, name="right")
+    left = open_camera(settings["left"], capture, name="left")
+    right = open_camera(settings["right"], capture, name="right")
     async with left, right:
-        yield Eyes((left, right), lenses, geometry, detectors, turns, wish["vergence"] == "disparity")
+        yield Eyes((left, right), lenses, geometry, detectors, turns, settings["vergence"] == "disparity")
 
 
-def _shape(wish: Mapping[str, Any]) -> Shape | None:
-    if not wish["least_area"] and not wish["roundness"]:
+def _shape(settings: Mapping[str, Any]) -> Shape | None:
+    if not settings["least_area"] and not settings["roundness"]:
         return None
-    return Shape(wish["least_area"] or 1.0, None, wish["roundness"] or None)
+    return Shape(settings["least_area"] or 1.0, None, settings["roundness"] or None)
 
 
 def _read_patch(path: str) -> Any:

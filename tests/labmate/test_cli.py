@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from labmate.cli import main
-from labmate.cli.options import globals_first
 
 Result = tuple[int, str, str]
 Run = Callable[..., Result]
@@ -45,7 +44,7 @@ def test_go_and_turn_report_what_ended_them(run: Run) -> None:
     assert gone["travelled_deg"] == pytest.approx(-90.0, abs=0.1)
 
 
-def test_drive_goes_for_as_long_as_it_was_told_and_stands(run: Run) -> None:
+def test_drive_goes_for_as_long_as_it_was_told_and_stops(run: Run) -> None:
     found = document(run("--sim", "drive", "0.1", "--for", "3", "--json"))
     assert found["mode"] == "idle"
     assert found["moving"] is False
@@ -170,6 +169,13 @@ def test_a_mistake_is_one_clear_line_and_a_documented_exit_code(
     assert "Traceback" not in err
 
 
+def test_what_the_parser_refuses_is_a_json_document_too(run: Run) -> None:
+    code, out, err = run("--json", "nonsense")
+    message = "No such command 'nonsense'; see labmate-drive --help"
+    assert (code, err) == (2, f"labmate-drive: {message}\n")
+    assert json.loads(out) == {"error": message, "exit_code": 2}
+
+
 def test_an_error_is_a_json_document_too(run: Run) -> None:
     code, out, err = run("--sim", "--json", "drive", "9", "--for", "1")
     assert code == 2
@@ -187,9 +193,10 @@ def test_one_seed_gives_one_output(run: Run, tmp_path: Path, arguments: list[str
     assert (tmp_path / "one.trace").read_bytes() == (tmp_path / "two.trace").read_bytes()
 
 
-def test_the_options_of_every_command_may_stand_behind_it() -> None:
-    moved = globals_first(["go", "-1", "--sim", "--seed", "3", "--trace=t", "--", "--json"])
-    assert moved == ["--sim", "--seed", "3", "--trace=t", "go", "-1", "--", "--json"]
+def test_the_options_of_every_command_may_follow_it(run: Run) -> None:
+    before = run("--sim", "--seed", "3", "--json", "go", "-0.2")
+    assert before == run("go", "-0.2", "--sim", "--seed=3", "--json")
+    assert before[0] == 0
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -92,7 +92,7 @@ def bench(
 
 
 def complaint(ended: "subprocess.CompletedProcess[str]") -> str:
-    """What it said went wrong; above it may stand what a busy machine made it repeat."""
+    """What it said went wrong; above it may be what a busy machine made it repeat."""
     assert "Traceback" not in ended.stderr
     return ended.stderr.splitlines()[-1].removeprefix("medusa-ctl: ")
 
@@ -101,10 +101,13 @@ def complaint(ended: "subprocess.CompletedProcess[str]") -> str:
 def test_a_signal_stops_a_jog_and_what_it_says_is_true(bench: Bench, number: signal.Signals) -> None:
     jogging = bench.start_jog()
     jogging.send_signal(number)
-    _, told = jogging.communicate(timeout=60)
+    _, err = jogging.communicate(timeout=60)
     assert jogging.returncode == 128 + number
-    assert told.splitlines()[-1] == f"medusa-ctl: stopped by {number.name}; the head is at rest"
-    pan = bench.pan()
+    assert err.splitlines()[-1] == f"medusa-ctl: stopped by {number.name}; the head is at rest"
+    assert_at_rest(bench.pan())
+
+
+def assert_at_rest(pan: dict[str, Any]) -> None:
     assert (pan["mode"], pan["motor_command"], pan["bridge"]) == (0, 0, "inhibited")
     assert pan["velocity"] == pytest.approx(0.0, abs=1e-4)
 
@@ -129,22 +132,22 @@ def test_what_a_killed_host_leaves_is_cleared_and_the_joint_is_still_homed(bench
 def test_the_head_is_stopped_without_its_amplifiers(bench: Bench) -> None:
     refused = bench.run("--amps", "nowhere", "status")
     assert (refused.returncode, complaint(refused)) == (4, "nowhere: no such port")
-    for command, said in (
-        ("stop", "every joint stands"),
+    for command, state in (
+        ("stop", "every joint is at rest"),
         ("estop", "emergency stop latched, every joint idle"),
     ):
         ended = bench.run("--amps", "nowhere", command)
-        assert (ended.returncode, ended.stdout) == (0, f"{said}\n")
+        assert (ended.returncode, ended.stdout) == (0, f"{state}\n")
     assert bench.run("clear").stdout == "nothing is latched\n"
 
 
 def test_pulling_everything_ends_a_jog_with_its_name_and_homing_with_it(bench: Bench) -> None:
     jogging = bench.start_jog()
     bench.unplug()
-    _, told = jogging.communicate(timeout=60)
+    _, err = jogging.communicate(timeout=60)
     assert jogging.returncode == 6
-    assert "Traceback" not in told
-    assert "line lost: sim/mc3000: the port has vanished" in told.splitlines()[-1]
+    assert "Traceback" not in err
+    assert "line lost: sim/mc3000: the port has vanished" in err.splitlines()[-1]
     gone = bench.run("status")
     assert (gone.returncode, complaint(gone)) == (4, "sim/mc3000: no such port")
     bench.plug()

@@ -54,7 +54,7 @@ def test_home_finds_the_joints_named(ctl: Ctl) -> None:
     assert [row["axis"] for row in homed] == ["tilt"]
 
 
-def test_jog_turns_and_stands(ctl: Ctl) -> None:
+def test_jog_turns_and_stops(ctl: Ctl) -> None:
     document = ctl("--sim", "--json", "jog", "pan", "-10", "--seconds", "2").json
     # Two seconds at 10°/s, and the ramps.
     assert document["angle_deg"] == pytest.approx(-20.0, abs=2.0)
