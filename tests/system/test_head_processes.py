@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import re
 import signal
 import subprocess
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +112,23 @@ def test_a_signal_stops_a_jog_and_what_it_says_is_true(bench: Bench, number: sig
 def assert_at_rest(pan: dict[str, Any]) -> None:
     assert (pan["mode"], pan["motor_command"], pan["bridge"]) == (0, 0, "inhibited")
     assert pan["velocity"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_closed_terminal_stops_a_jog(bench: Bench) -> None:
+    # What a closed ssh does: the terminal hangs up, its processes get SIGHUP, and nothing can be written any more.
+    master, slave = pty.openpty()
+    jogging = subprocess.Popen(
+        [BIN / "medusa-ctl", "--json", "jog", "pan", "2", "--seconds", "40"],
+        cwd=bench.folder,
+        preexec_fn=partial(os.login_tty, slave),
+    )
+    os.close(slave)
+    # Half of the 2°/s asked for, rad/s.
+    moving = bench.pan_when(lambda pan: pan["velocity"] > 0.017)
+    os.close(master)
+    assert moving["velocity"] > 0.017
+    assert jogging.wait(timeout=60) == 128 + signal.SIGHUP
+    assert_at_rest(bench.pan())
 
 
 def test_what_a_killed_host_leaves_is_cleared_and_the_joint_is_still_homed(bench: Bench) -> None:
