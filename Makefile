@@ -1,19 +1,17 @@
-# make demo   the head without hardware        make test   the tests (what CI runs)
-# make check  lint, types, import contracts, tests
+# make demo   the head without hardware
+# make test   lint, types, import contracts, tests, in this order (what CI runs)
 PYTHON ?= python3
 BIN := .venv/bin
 JOBS ?= auto
 
-.PHONY: demo test check lint types contracts lock clean
+.PHONY: demo test lint types contracts lock clean
 
 demo: .venv/ready
 	$(BIN)/medusa-ctl --sim demo
 	$(BIN)/medusa-ctl --sim track
 
-test: .venv/ready
+test: lint types contracts
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal
-
-check: lint types contracts test
 
 lint: .venv/ready
 	$(BIN)/ruff check .
