@@ -74,8 +74,8 @@ def identify(
     options: Options = context.obj
 
     async def body() -> None:
-        from medusa.mc3000.plant_measurement import Excitation, measure_plant
         from medusa.files.replace_file import replace_file
+        from medusa.mc3000.plant_measurement import Excitation, measure_plant
 
         excitation = Excitation(math.radians(excursion), largest_dac=largest, repeats=repeats)
         async with options.head(homed=True, joints=[axis]) as (head, _):

@@ -23,8 +23,8 @@ def init(
     async def body() -> None:
         from medusa.config.file import template
         from medusa.errors import CommandError
-        from medusa.mc3000.simulated_config import simulated_toml
         from medusa.files.replace_file import replace_file
+        from medusa.mc3000.simulated_config import simulated_toml
 
         if file.exists() and not force:
             raise CommandError(f"{file} exists; --force replaces it")

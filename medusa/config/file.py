@@ -8,11 +8,11 @@ from typing import Any
 import msgspec
 from tomlkit.exceptions import TOMLKitError
 
-from medusa.mc3000.config import HeadConfig
-from medusa.mc3000.config_limits import check_limits
 from medusa.errors import ConfigError
 from medusa.files.configuration import fill, parse, read_text
 from medusa.files.replace_file import replace_file
+from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config_limits import check_limits
 
 DEFAULT_FILE = "medusa.toml"
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Self
 
 from medusa.errors import ConfigError
+from medusa.files.replace_file import replace_file
 from medusa.mc3000.config import HeadConfig
 from medusa.mc3000.homing.mark import axis_digest
-from medusa.files.replace_file import replace_file
 
 
 class CheckRecord:
