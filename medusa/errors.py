@@ -101,7 +101,7 @@ class DeviceFault(MedusaError):
 
 
 class DeviceRestarted(DeviceFault):
-    """The device lost its state: homing, pose and mode are void."""
+    """The device lost its state: homing, pose and mode are invalid."""
 
     def __init__(self, message: str, *, before: int | None = None, now: int | None = None) -> None:
         self.before = before

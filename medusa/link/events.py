@@ -5,7 +5,7 @@ from medusa.link.messages import Event
 
 
 class Inbox:
-    """Tells a new event from a repeated one: equal operation, axis, sequence number and payload are a repeat."""
+    """Separates new events from repeats: equal operation, axis, sequence number and payload are a repeat."""
 
     def __init__(self) -> None:
         self._last: dict[int, Event] = {}

@@ -1,14 +1,15 @@
 """The host's half of the serial link with one device, as a state machine without input, output or clock.
 
-Theory of operation. A request waits, is live from its first sending to its end, and leaves a ghost behind
-when it ends unanswered: its place in the window until its deadline, its number out of use for longer.
+Theory of operation. A request is queued, is live from its first sending to its end, and leaves an abandoned
+slot behind when it ends unanswered: its place in the window until its deadline, its sequence number out of use
+for longer.
 
-| state    | goes out                 | left by                                                          |
-|----------|--------------------------|------------------------------------------------------------------|
-| CLOSED   | HELLO, EMERGENCY_STOP    | HELLO sent → GREETING; a second unheard → SILENT                 |
-| GREETING | nothing                  | answered → OPEN; given up, or a stop → CLOSED (SILENT if it was) |
-| OPEN     | everything               | HELLO sent → GREETING; status 10, port lost → CLOSED; → SILENT   |
-| SILENT   | HELLO, EMERGENCY_STOP    | HELLO sent → GREETING; port lost → CLOSED                        |
+| state     | goes out                 | left by                                                          |
+|-----------|--------------------------|------------------------------------------------------------------|
+| CLOSED    | HELLO, EMERGENCY_STOP    | HELLO sent → HANDSHAKE; a second without a reply → SILENT        |
+| HANDSHAKE | nothing                  | answered → OPEN; given up, or a stop → CLOSED (SILENT if it was) |
+| OPEN      | everything               | HELLO sent → HANDSHAKE; status 10, port lost → CLOSED; → SILENT  |
+| SILENT    | HELLO, EMERGENCY_STOP    | HELLO sent → HANDSHAKE; port lost → CLOSED                       |
 """
 
 from enum import Enum, auto
@@ -16,13 +17,13 @@ from typing import Final
 
 from medusa.errors import DeviceSilent, MedusaError, PortError
 from medusa.link.events import Inbox, acknowledge
+from medusa.link.exchange_host import Counters, ExchangeHost
 from medusa.link.failure import NO_HELLO, Failures
 from medusa.link.frame import EVENT, REPLY, Message, encode_frame, encode_request
 from medusa.link.messages import EMERGENCY_STOP, HELLO
-from medusa.link.numbers import SequenceNumbers
-from medusa.link.owner import Counters, Owner
 from medusa.link.request import BAD_LENGTH, Request
-from medusa.link.waiting import Waiting
+from medusa.link.request_queue import RequestQueue
+from medusa.link.sequence_numbers import SequenceNumbers
 
 WINDOW: Final = 4
 SENT_AFTER_REPEATABLE: Final = 7
@@ -33,10 +34,10 @@ _EARLY: Final = 1e-6
 
 
 class State(Enum):
-    """Where the conversation stands."""
+    """State of the conversation."""
 
     CLOSED = auto()
-    GREETING = auto()
+    HANDSHAKE = auto()
     OPEN = auto()
     SILENT = auto()
 
@@ -44,28 +45,28 @@ class State(Enum):
 class Exchange:
     """Requests, replies and events of one device; `due` is when `expire` wants to be called."""
 
-    def __init__(self, address: int, owner: Owner) -> None:
+    def __init__(self, address: int, host: ExchangeHost) -> None:
         self.address = address
         self.state = State.CLOSED
         self.counters = Counters()
         self.due = NEVER
         self.event_size: int | None = None
-        self._owner = owner
-        self._errors = Failures(address, owner.name)
+        self._host = host
+        self._errors = Failures(address, host.name)
         self._before = State.CLOSED
-        self._waiting = Waiting()
+        self._queue = RequestQueue()
         self._live: dict[int, Request] = {}
-        self._ghosts: list[Request] = []
-        self._numbers = SequenceNumbers()
+        self._abandoned: list[Request] = []
+        self._sequence_numbers = SequenceNumbers()
         self._inbox = Inbox()
         self._sent = 0
-        self._unheard_since: float | None = None
+        self._unanswered_since: float | None = None
         self._gave_up = False
 
     @property
     def is_silent(self) -> bool:
         """Whether the device answered nothing for a second, and no HELLO since."""
-        return State.SILENT is (self._before if self.state is State.GREETING else self.state)
+        return State.SILENT is (self._before if self.state is State.HANDSHAKE else self.state)
 
     def submit(self, request: Request, now: float) -> None:
         """Take a request in: it is sent now, later, or finished with an error."""
@@ -73,33 +74,33 @@ class Exchange:
         if self.state is not State.OPEN:
             if not self._admits(request):
                 return
-        elif not (self._waiting or self._live or self._ghosts or request.stops):
+        elif not (self._queue or self._live or self._abandoned or request.stops):
             if not self._send(request, now):
-                self._waiting.append(request)
+                self._queue.append(request)
             return
         if request.stops:
             self.withdraw(now, request)
         if request.urgent and self._may_interrupt(request, now):
             self._send(request, now)
         elif request.urgent:
-            self._waiting.appendleft(request)
+            self._queue.appendleft(request)
         else:
-            self._waiting.append(request)
+            self._queue.append(request)
             self._pump(now)
 
     def cancel(self, request: Request, now: float) -> None:
         """Nobody waits for it any more: not repeated, its reply swallowed. A stop is carried through all the same."""
-        if request in self._waiting:
-            self._waiting.remove(request)
-        elif self._live.get(request.number) is request and not request.urgent:
-            self._leave_ghost(request, now)
+        if request in self._queue:
+            self._queue.remove(request)
+        elif self._live.get(request.sequence) is request and not request.urgent:
+            self._abandon(request, now)
         self._pump(now)
 
     def withdraw(self, now: float, stop: Request | None = None) -> None:
         """Withdraw what a stop overrules; without `stop`, everything that gives way to a broadcast one."""
         urgent = stop is None or stop.urgent
         everywhere = urgent or (stop is not None and stop.operation == HELLO)
-        for request in [*self._live.values(), *self._waiting]:
+        for request in [*self._live.values(), *self._queue]:
             overruled = request.moves or (urgent and request.gives_way)
             if overruled and (stop is None or everywhere or stop.depends_on(request)):
                 self._withdraw(request, now)
@@ -108,7 +109,7 @@ class Exchange:
         """Take in a message that came from the device."""
         if message.kind == REPLY:
             request = self._live.get(message.sequence)
-            self._unheard_since = None
+            self._unanswered_since = None
             self._gave_up = False
             if request is None or not request.is_answered_by(message):
                 self._late(message, now)
@@ -116,14 +117,14 @@ class Exchange:
                 self._damaged(message, request, now)
             else:
                 del self._live[message.sequence]
-                self._numbers.answered(message.sequence, now, request.sendings - 1)
+                self._sequence_numbers.answered(message.sequence, now, request.sendings - 1)
                 if message.axis == 0 and self.state is State.OPEN:
-                    self._owner.finish(request, message.payload)
+                    self._host.finish(request, message.payload)
                 else:
                     self._answered(message, request)
-            if self._live or self._ghosts:
-                self._heard_only_partly(now)
-            if self._waiting:
+            if self._live or self._abandoned:
+                self._await_reply_since(now)
+            if self._queue:
                 self._pump(now)
         elif message.kind == EVENT:
             self._event(message)
@@ -134,43 +135,43 @@ class Exchange:
         """Do what is due: repeat, give up, notice silence."""
         now += _EARLY
         self.due = NEVER
-        if self._unheard_since is not None and now >= self._unheard_since + SILENCE_S:
+        if self._unanswered_since is not None and now >= self._unanswered_since + SILENCE_S:
             self._fall_silent(now, "answered nothing for a second")
         for request in list(self._live.values()):
             if request.due <= now:
                 self._overdue(request, now)
-        self._ghosts = [ghost for ghost in self._ghosts if ghost.due > now]
-        if not (self._live or self._ghosts or self._gave_up):
+        self._abandoned = [slot for slot in self._abandoned if slot.due > now]
+        if not (self._live or self._abandoned or self._gave_up):
             # Only what was cancelled is unanswered: one lost frame is no silence.
-            self._unheard_since = None
+            self._unanswered_since = None
         self._pump(now)
-        for request in (*self._live.values(), *self._ghosts):
+        for request in (*self._live.values(), *self._abandoned):
             self.due = min(self.due, request.due)
-        if self._unheard_since is not None:
-            self.due = min(self.due, self._unheard_since + SILENCE_S)
+        if self._unanswered_since is not None:
+            self.due = min(self.due, self._unanswered_since + SILENCE_S)
 
     def lose(self, path: str, reason: str, now: float) -> None:
         """The port is gone: everything under way ends at once."""
-        for request in [*self._live.values(), *self._waiting]:
+        for request in [*self._live.values(), *self._queue]:
             self._end(request, now, PortError(path, reason, may_have_acted=request.sendings > 0))
-        self._ghosts.clear()
-        self._unheard_since = None
+        self._abandoned.clear()
+        self._unanswered_since = None
         self.state = State.CLOSED
 
     def _admits(self, request: Request) -> bool:
         if request.operation in (HELLO, EMERGENCY_STOP):
             return True
-        if self.state is State.GREETING and not self.is_silent:
+        if self.state is State.HANDSHAKE and not self.is_silent:
             return True
         if self.is_silent:
-            self._owner.finish(request, self._errors.silent(request, "the device is silent"))
+            self._host.finish(request, self._errors.silent(request, "the device is silent"))
         else:
-            self._owner.finish(request, self._errors.no_session(request))
+            self._host.finish(request, self._errors.no_session(request))
         return False
 
     def _may_interrupt(self, request: Request, now: float) -> bool:
         """An emergency stop ends a HELLO under way, another stop waits for it: HELLO stops the machine itself."""
-        if self.state is not State.GREETING:
+        if self.state is not State.HANDSHAKE:
             return True
         if request.operation != EMERGENCY_STOP:
             return False
@@ -179,15 +180,15 @@ class Exchange:
         return True
 
     def _pump(self, now: float) -> None:
-        while self._waiting and self.state is not State.GREETING:
+        while self._queue and self.state is not State.HANDSHAKE:
             live = self._live.values()
-            request = self._waiting.next(live, len(live) + len(self._ghosts), WINDOW)
+            request = self._queue.next(live, len(live) + len(self._abandoned), WINDOW)
             if request is None:
                 return
             held = any(other.repeatable and self._forgettable(other) for other in live)
             if held or not self._send(request, now):
                 return
-            self._waiting.remove(request)
+            self._queue.remove(request)
 
     def _forgettable(self, request: Request) -> bool:
         """Whether one more request could push it out of the eight that the device remembers."""
@@ -195,24 +196,24 @@ class Exchange:
 
     def _send(self, request: Request, now: float) -> bool:
         if request.urgent:
-            number: int | None = self._numbers.take_anyway(now)
+            number: int | None = self._sequence_numbers.take_anyway(now)
             for other in self._live.values():
                 other.final |= self._forgettable(other)
         else:
-            number = self._numbers.take(now, request.operation != HELLO)
+            number = self._sequence_numbers.take(now, request.operation != HELLO)
         if number is None:
             self._starve(now)
             return False
         # A live one sent earlier may act later, by a repeat: it counts like one sent after this.
         self._sent += 1
         request.order = self._sent - len(self._live)
-        request.number = number
+        request.sequence = number
         request.sendings = 1
         request.frame = encode_request(self.address, number, request.operation, request.axis, request.payload)
         self._live[number] = request
         if request.operation == HELLO:
             self._before = State.CLOSED if self.state is State.OPEN else self.state
-            self.state = State.GREETING
+            self.state = State.HANDSHAKE
         self._put_on_line(request, now)
         return True
 
@@ -220,40 +221,40 @@ class Exchange:
         request.due = due = now + request.deadline
         if due < self.due:
             self.due = due
-        if self._unheard_since is None:
-            self._heard_only_partly(now)
-        self._owner.send(request.frame)
+        if self._unanswered_since is None:
+            self._await_reply_since(now)
+        self._host.send(request.frame)
 
-    def _heard_only_partly(self, now: float) -> None:
-        self._unheard_since = now
+    def _await_reply_since(self, now: float) -> None:
+        self._unanswered_since = now
         if now + SILENCE_S < self.due:
             self.due = now + SILENCE_S
 
     def _starve(self, now: float) -> None:
         """Every number is out of use; only answers or time bring one back."""
-        release = self._numbers.next_release(now)
+        release = self._sequence_numbers.next_release(now)
         if release is not None:
             self.due = min(self.due, release)
-        elif not self._live and not self._ghosts:
-            self._fall_silent(now, "left too many requests unanswered to tell its replies apart")
+        elif not self._live and not self._abandoned:
+            self._fall_silent(now, "left too many requests unanswered to distinguish its replies")
 
     def _answered(self, message: Message, request: Request) -> None:
         if request.operation == HELLO:
             self.state = State.OPEN if message.axis == 0 else self._before
-            self._numbers.new_session()
+            self._sequence_numbers.new_session()
             self._inbox.new_session()
         if message.axis == 0:
-            self._owner.finish(request, message.payload)
+            self._host.finish(request, message.payload)
             return
         error = self._errors.refused(request, message)
-        self._owner.finish(request, error)
+        self._host.finish(request, error)
         if message.axis == NO_HELLO and self.state is State.OPEN:
             self.state = State.CLOSED
-            self._drop_waiting(f"device {self.address:02X}H has restarted")
-            self._owner.lost(error)
+            self._drop_queue(f"device {self.address:02X}H has restarted")
+            self._host.lost(error)
 
     def _damaged(self, message: Message, request: Request, now: float) -> None:
-        """A frame whose 00 was hit runs into the next one and its CRC still fits: only lengths tell it."""
+        """A frame whose 00 was hit runs into the next one and its CRC still fits: only its length shows it."""
         self.counters.damaged += 1
         request.damaged = message
         request.times_damaged += 1
@@ -263,8 +264,8 @@ class Exchange:
     def _late(self, message: Message, now: float) -> None:
         self.counters.late_replies += 1
         if message.sequence not in self._live:
-            self._numbers.late(message.sequence, now)
-            self._ghosts = [ghost for ghost in self._ghosts if ghost.number != message.sequence]
+            self._sequence_numbers.late(message.sequence, now)
+            self._abandoned = [slot for slot in self._abandoned if slot.sequence != message.sequence]
 
     def _event(self, message: Message) -> None:
         if self.state is not State.OPEN:
@@ -274,17 +275,17 @@ class Exchange:
             # Not acknowledged, it comes again whole.
             self.counters.damaged += 1
             return
-        self._owner.send(encode_frame(acknowledge(message)))
+        self._host.send(encode_frame(acknowledge(message)))
         event = self._inbox.accept(message)
         if event is None:
             self.counters.events_repeated += 1
         else:
             self.counters.events += 1
-            self._owner.deliver(event)
+            self._host.deliver(event)
 
     def _overdue(self, request: Request, now: float) -> None:
-        stuck = self._owner.unsend(request.frame)
-        overruled = request.moves and self._waiting.has_stop()
+        stuck = self._host.dequeue(request.frame)
+        overruled = request.moves and self._queue.has_stop()
         if overruled:
             self._withdraw(request, now)
         elif request.repeatable and not stuck:
@@ -302,42 +303,42 @@ class Exchange:
 
     def _withdraw(self, request: Request, now: float) -> None:
         gone = request.sendings > 0
-        if gone and self._owner.unsend(request.frame):
+        if gone and self._host.dequeue(request.frame):
             gone = request.sendings > 1
         if gone:
-            self._leave_ghost(request, now)
+            self._abandon(request, now)
         self._end(request, now, self._errors.withdrawn(request, gone))
 
-    def _leave_ghost(self, request: Request, now: float) -> None:
+    def _abandon(self, request: Request, now: float) -> None:
         self._end(request, now, None)
-        self._ghosts.append(request)
+        self._abandoned.append(request)
 
     def _fall_silent(self, now: float, reason: str) -> None:
         """Nothing but HELLO and EMERGENCY_STOP from now on; what is under way of these goes on."""
-        self._unheard_since = None
-        for request in [*self._live.values(), *self._waiting]:
+        self._unanswered_since = None
+        for request in [*self._live.values(), *self._queue]:
             if request.operation not in (HELLO, EMERGENCY_STOP):
                 self._end(request, now, self._errors.silent(request, reason))
-        if self.state is State.GREETING:
+        if self.state is State.HANDSHAKE:
             self._before = State.SILENT
         elif self.state is not State.SILENT:
             self.state = State.SILENT
-            self._owner.lost(DeviceSilent(f"device {self.address:02X}H {reason}"))
+            self._host.lost(DeviceSilent(f"device {self.address:02X}H {reason}"))
 
-    def _drop_waiting(self, reason: str) -> None:
-        for request in [r for r in self._waiting if r.operation not in (HELLO, EMERGENCY_STOP)]:
-            self._waiting.remove(request)
-            self._owner.finish(request, self._errors.unanswered(request, reason, False))
+    def _drop_queue(self, reason: str) -> None:
+        for request in [r for r in self._queue if r.operation not in (HELLO, EMERGENCY_STOP)]:
+            self._queue.remove(request)
+            self._host.finish(request, self._errors.unanswered(request, reason, False))
 
     def _end(self, request: Request, now: float, error: MedusaError | None) -> None:
-        """Take a request out of the queue or the window, unanswered; without `error` nobody is told."""
-        if self._live.get(request.number) is request:
-            del self._live[request.number]
-            self._numbers.abandoned(request.number, now, request.sendings)
-            if request.operation == HELLO and self.state is State.GREETING:
+        """Take a request out of the queue or the window, unanswered; without `error` nobody is notified."""
+        if self._live.get(request.sequence) is request:
+            del self._live[request.sequence]
+            self._sequence_numbers.abandoned(request.sequence, now, request.sendings)
+            if request.operation == HELLO and self.state is State.HANDSHAKE:
                 self.state = self._before
-                self._drop_waiting("HELLO was not answered")
-        elif request in self._waiting:
-            self._waiting.remove(request)
+                self._drop_queue("HELLO was not answered")
+        elif request in self._queue:
+            self._queue.remove(request)
         if error is not None:
-            self._owner.finish(request, error)
+            self._host.finish(request, error)

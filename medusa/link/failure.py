@@ -55,7 +55,7 @@ class Failures:
         return Withdrawn(text, frame=request.frame, may_have_acted=gone)
 
     def silent(self, request: Request, reason: str) -> DeviceSilent:
-        """Return the error for one to a device that cannot be heard."""
+        """Return the error for one to a device that does not answer."""
         text = f"{self._asked(request)}: {reason}"
         return DeviceSilent(text, frame=request.frame, may_have_acted=request.sendings > 0)
 

@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import Final, Self
 
 from medusa.errors import MedusaError, NoReply, PortError
-from medusa.link.answer import Answer
 from medusa.link.frame import (
     ACKNOWLEDGEMENT,
     EVENT,
@@ -23,6 +22,7 @@ from medusa.link.frame import (
 )
 from medusa.link.messages import BROADCAST, EMERGENCY_STOP, PING, WHOLE_DEVICE
 from medusa.link.port import Port, retry_pauses
+from medusa.link.reply_future import ReplyFuture
 from medusa.link.session import Session
 from medusa.link.trace import TO_DEVICE, TO_HOST, Trace
 
@@ -34,7 +34,7 @@ EMERGENCY_BROADCASTS: Final = 3
 class Line:
     """A port, the frames on it and a session for each address.
 
-    A port that vanishes is opened again, and a device that was lost is greeted again, with growing pauses;
+    A port that vanishes is opened again, and the handshake with a lost device is repeated, with growing pauses;
     neither sends anything but HELLO.
     """
 
@@ -62,7 +62,7 @@ class Line:
         self._recovery: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._closing = False
-        self._woken: list[Answer] | None = None
+        self._woken: list[ReplyFuture] | None = None
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -138,7 +138,7 @@ class Line:
         return int.from_bytes(os.urandom(2), "little")
 
     def recover(self) -> None:
-        """Open and greet again in the background what was lost."""
+        """Open again what was lost and repeat its handshake, in the background."""
         if not self._closing and (self._recovery is None or self._recovery.done()):
             self._recovery = asyncio.get_running_loop().create_task(self._recover())
 
@@ -148,9 +148,9 @@ class Line:
             self._record(TO_DEVICE, frame)
         self._port.write(frame)
 
-    def unsend(self, frame: bytes) -> bool:
+    def dequeue(self, frame: bytes) -> bool:
         """Take back a frame of which no byte has left the host yet."""
-        return self._port.unsend(frame)
+        return self._port.dequeue(frame)
 
     def _broadcast(self, operation: int) -> None:
         frame = encode_frame(Message(BROADCAST, REQUEST, self._broadcasts, operation, WHOLE_DEVICE))
@@ -159,15 +159,15 @@ class Line:
             self._record(TO_DEVICE, frame)
         self._port.write_ahead(frame)
 
-    def wake(self, answer: Answer) -> None:
-        """Resume who waits for an answer: at the end of the read that brought it, else in the next turn."""
+    def wake(self, reply: ReplyFuture) -> None:
+        """Resume who awaits a reply: at the end of the read that brought it, else in the next turn."""
         if self._woken is None:
-            answer.resume_soon()
+            reply.resume_soon()
         else:
-            self._woken.append(answer)
+            self._woken.append(reply)
 
     def _received(self, data: bytes) -> None:
-        woken: list[Answer] = []
+        woken: list[ReplyFuture] = []
         self._woken = woken
         try:
             now = self._loop.time() if self._loop is not None else 0.0
@@ -189,8 +189,8 @@ class Line:
                 woken.pop(0).resume()
         finally:
             # Only a KeyboardInterrupt or the like leaves any.
-            for answer in woken:
-                answer.resume_soon()
+            for reply in woken:
+                reply.resume_soon()
 
     def _record(self, direction: str, what: bytes | Message | Rejected) -> None:
         if self._trace is None or self._loop is None:
@@ -236,7 +236,7 @@ class Line:
                     log.info("%s: open again", self.path)
                 lost = [s for s in self._sessions.values() if s.wanted and not s.is_open]
                 for session in lost:
-                    await session.greet()
+                    await session.handshake()
                 if not any(s.wanted and not s.is_open for s in self._sessions.values()):
                     return
             except MedusaError as error:

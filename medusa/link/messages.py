@@ -36,7 +36,7 @@ _STATISTICS = struct.Struct("<IHHHHH")
 
 @dataclass(frozen=True)
 class Hello:
-    """What a device says of itself when a session opens; `part` is the device's own part."""
+    """What a device reports of itself when a session opens; `part` is the device's own part."""
 
     nonce: int
     protocol: int

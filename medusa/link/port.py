@@ -1,7 +1,7 @@
 """A serial port: pyserial opens and configures it, the event loop moves its bytes.
 
 The descriptor never blocks. What the driver does not take is kept as whole frames and written when it can take
-more; a hang-up (EIO, POLLHUP or end of file) closes the port and is told once. No threads.
+more; a hang-up (EIO, POLLHUP or end of file) closes the port and is reported once. No threads.
 """
 
 import asyncio
@@ -78,13 +78,16 @@ class Port:
         elif self._fd >= 0:
             self._write_first(frame)
 
-    def unsend(self, frame: bytes) -> bool:
+    def dequeue(self, frame: bytes) -> bool:
         """Take back a frame that waits here; False when some of it has been written."""
         if self._backlog:
             with suppress(ValueError):
                 self._backlog.remove(frame)
                 return True
         return False
+
+    unsend = dequeue
+    """The name that the amplifiers' line still uses."""
 
     def close(self) -> None:
         """Close the port; what still waits here is dropped."""
@@ -124,7 +127,7 @@ class Port:
         except (BlockingIOError, InterruptedError):
             taken = 0
         except OSError as error:
-            # Told from the loop: the caller is in the middle of its own bookkeeping.
+            # Reported from the loop: the caller is in the middle of its own bookkeeping.
             self._loop.call_soon(self._hang_up, error.strerror or str(error))
             return
         if taken == len(frame):
@@ -204,7 +207,7 @@ def _configure(port: serial.Serial) -> None:
 
 
 def _reason(path: str, error: Exception) -> str:
-    # pyserial tells "not a tty" with a termios.error as the cause and no number of its own.
+    # pyserial reports "not a tty" with a termios.error as the cause and no number of its own.
     cause = error.__context__ if isinstance(error.__context__, termios.error) else error
     number = cause.args[0] if isinstance(cause, termios.error) else getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
@@ -224,7 +227,7 @@ def _group_of(path: str) -> str:
 
 
 def _holder_of(path: str) -> str:
-    """Name and number of the process that has locked the port, as far as /proc tells."""
+    """Name and number of the process that has locked the port, as far as /proc knows."""
     with suppress(OSError):
         port = os.stat(path)
         number = f"{os.major(port.st_dev):02x}:{os.minor(port.st_dev):02x}:{port.st_ino}"

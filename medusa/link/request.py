@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from medusa.link.answer import Answer
 from medusa.link.frame import Message
 from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
+from medusa.link.reply_future import ReplyFuture
 
 MAX_SENDINGS: Final = 3
 BAD_LENGTH: Final = 3
@@ -14,7 +14,7 @@ class Request:
     """What is asked, how it depends on others, and how far it has come."""
 
     frame: bytes = b""
-    number: int = -1
+    sequence: int = -1
     sendings: int = 0
     order: int = 0
     due: float = 0.0
@@ -33,7 +33,7 @@ class Request:
         stops: bool = False,
         urgent: bool | None = None,
         reply_size: int | None = None,
-        answer: Answer | None = None,
+        reply: ReplyFuture | None = None,
     ) -> None:
         self.operation = operation
         self.axis = axis
@@ -44,7 +44,7 @@ class Request:
         self.stops = stops
         self.urgent = stops if urgent is None else urgent
         self.reply_size = reply_size
-        self.answer = answer
+        self.reply = reply
         if operation <= CLEAR:
             self.reads = reads or operation in (PING, STATISTICS)
             self.stops = stops or operation in (HELLO, EMERGENCY_STOP, CLEAR)
@@ -73,7 +73,7 @@ class Request:
         return reply.operation == HELLO and (reply.axis != 0 or reply.payload[:2] == self.payload)
 
     def is_damaged_by(self, reply: Message) -> bool:
-        """Whether the reply is of the wrong size, or says "bad length" to a right one: worth a repeat."""
+        """Whether the reply is of the wrong size, or refuses a right one as "bad length": worth a repeat."""
         if reply.axis == 0:
             return self.reply_size is not None and self.reply_size != len(reply.payload)
         return reply.axis == BAD_LENGTH and self.repeatable

@@ -7,8 +7,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, PortError
-from medusa.link.answer import Answer
 from medusa.link.exchange import NEVER, Exchange, State
+from medusa.link.exchange_host import Counters
 from medusa.link.frame import MAX_PAYLOAD, Message
 from medusa.link.messages import (
     CLEAR,
@@ -31,7 +31,7 @@ from medusa.link.messages import (
     encode_hello,
     encode_watchdog,
 )
-from medusa.link.owner import Counters
+from medusa.link.reply_future import ReplyFuture
 from medusa.link.request import Request
 from medusa.link.stream import EventStream
 
@@ -46,9 +46,9 @@ T = TypeVar("T")
 class Session:
     """One device's requests, replies and events.
 
-    After the port vanished, the device fell silent or restarted, the line reopens and greets on its own. From
-    then on everything but motion is accepted; requests with `moves=True` are refused (CommandError) until the
-    driver calls `open()` again: it has to restore watchdog, event mask and settings first.
+    After the port vanished, the device fell silent or restarted, the line reopens and repeats the handshake on
+    its own. From then on everything but motion is accepted; requests with `moves=True` are refused (CommandError)
+    until the driver calls `open()` again: it has to restore watchdog, event mask and settings first.
     """
 
     def __init__(self, line: "Line", address: int) -> None:
@@ -59,7 +59,7 @@ class Session:
         self.may_move = False
         self.wanted = False
         self.send = line.write
-        self.unsend = line.unsend
+        self.dequeue = line.dequeue
         self._exchange = Exchange(address, self)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
@@ -87,17 +87,17 @@ class Session:
         return self._exchange.is_silent
 
     async def open(self) -> Hello:
-        """Open a new session with HELLO, after which the machine stands, mask and watchdog are off.
+        """Open a new session with HELLO, after which the machine is at rest, mask and watchdog are off.
 
         Raises NoReply, PortError or ProtocolError (another protocol).
         """
         self.wanted = True
         self.may_move = False
-        hello = await self.greet()
+        hello = await self.handshake()
         self.may_move = True
         return hello
 
-    async def greet(self) -> Hello:
+    async def handshake(self) -> Hello:
         """Send HELLO without allowing motion: what the line does on its own after a loss."""
         nonce = self.line.nonce()
         hello = decode_hello(await self.request(HELLO, payload=encode_hello(nonce)))
@@ -107,9 +107,9 @@ class Session:
         if before is not None and before.boot_count != hello.boot_count:
             text = (
                 f"device {self.address:02X}H has restarted (boot count {before.boot_count}, now "
-                f"{hello.boot_count}): homing, pose and mode are void"
+                f"{hello.boot_count}): homing, pose and mode are invalid"
             )
-            _tell(
+            _notify(
                 self._restart_watchers, DeviceRestarted(text, before=before.boot_count, now=hello.boot_count)
             )
         return hello
@@ -134,8 +134,8 @@ class Session:
         `moves`: can move something; withdrawn by a stop, never sent again by a reconnection.
         `stops`: STOP, MODE 0, EMERGENCY_STOP, CLEAR: withdraws every unanswered motion first.
         `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0). Who is
-        cancelled while waiting for it no longer hears of it, but it is carried through.
-        `reply_size`: bytes in a good reply (default: as told to `name_operations`); another is damage.
+        cancelled while waiting for it gets no reply, but it is carried through.
+        `reply_size`: bytes in a good reply (default: as given to `name_operations`); another is damage.
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
@@ -157,18 +157,18 @@ class Session:
         loop = self._loop
         if loop is None:
             loop = self._loop = asyncio.get_running_loop()
-        answer = Answer(loop)
+        reply = ReplyFuture(loop)
         if deadline is None:
             deadline = line.reply_timeout
         if reply_size is None:
             reply_size = self._reply_sizes.get(operation)
-        request = Request(operation, axis, payload, deadline, reads, moves, stops, urgent, reply_size, answer)
+        request = Request(operation, axis, payload, deadline, reads, moves, stops, urgent, reply_size, reply)
         exchange = self._exchange
         exchange.submit(request, loop.time())
         if exchange.due < self._timer_due:
             self._arm()
         try:
-            return await answer
+            return await reply
         except asyncio.CancelledError:
             exchange.cancel(request, loop.time())
             self._arm()
@@ -230,7 +230,7 @@ class Session:
         reply_sizes: Mapping[int, int] | None = None,
         event_size: int | None = None,
     ) -> None:
-        """Name the device's own operations, and tell the payload sizes of their good replies and of events.
+        """Name the device's own operations, and give the payload sizes of their good replies and of events.
 
         With them a frame that ran into the next one, which the CRC does not notice, is dropped and asked for
         again.
@@ -263,23 +263,23 @@ class Session:
             for stream in list(self._streams):
                 stream.close()
         else:
-            _tell(self._loss_watchers, PortError(self.line.path, reason))
+            _notify(self._loss_watchers, PortError(self.line.path, reason))
 
     def finish(self, request: Request, result: bytes | MedusaError) -> None:
         """Hand the reply's payload, or the error, to the one who asked."""
-        answer = request.answer
-        if answer is not None and answer.settle(result):
-            self.line.wake(answer)
+        reply = request.reply
+        if reply is not None and reply.settle(result):
+            self.line.wake(reply)
 
     def deliver(self, event: Event) -> None:
         """Hand an event on."""
-        _tell(self._subscribers, event)
+        _notify(self._subscribers, event)
 
     def lost(self, error: MedusaError) -> None:
-        """The device cannot be heard any more, or has restarted: greet it until it answers."""
+        """The device answers no more, or has restarted: repeat the handshake until it answers."""
         log.warning("%s", error)
         self.may_move = False
-        _tell(self._loss_watchers, error)
+        _notify(self._loss_watchers, error)
         self.line.recover()
 
     def _time(self) -> float:
@@ -309,8 +309,8 @@ class Session:
         self._arm()
 
 
-def _tell(callbacks: Sequence[Callable[[T], None]], what: T) -> None:
-    """Call everybody back; one that fails is logged and does not keep the others from hearing."""
+def _notify(callbacks: Sequence[Callable[[T], None]], what: T) -> None:
+    """Call everybody back; one that fails is logged and keeps nobody else from being called."""
     for callback in list(callbacks):
         try:
             callback(what)

@@ -120,7 +120,7 @@ class Desk:
     def send(self, frame: bytes) -> None:
         self.frames.append(frame)
 
-    def unsend(self, frame: bytes) -> bool:
+    def dequeue(self, frame: bytes) -> bool:
         if frame in self.stuck:
             self.stuck.remove(frame)
             return True
@@ -174,7 +174,7 @@ class Desk:
 
 @pytest.fixture
 def new_desk() -> Desk:
-    """An exchange that has not greeted yet."""
+    """An exchange without a session."""
     return Desk()
 
 

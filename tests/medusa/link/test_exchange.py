@@ -1,4 +1,4 @@
-"""The host's half of the link, sentence by sentence of its page: window, numbers, repeats, greeting, dependence."""
+"""The host's half of the link, by the sentences of its page: window, sequence numbers, repeats, handshake, order."""
 
 from typing import Any
 
@@ -181,7 +181,7 @@ def test_only_the_hello_reply_with_ones_own_nonce_is_taken(new_desk: Any) -> Non
     hello = desk.ask(HELLO, payload=b"\x34\x12")
     desk.answer(0, HELLO, b"\x35\x12" + bytes(8))
     assert hello not in desk.results
-    assert desk.exchange.state is State.GREETING
+    assert desk.exchange.state is State.HANDSHAKE
     desk.answer(0, HELLO, b"\x34\x12" + bytes(8))
     assert desk.exchange.state is State.OPEN
 

@@ -157,9 +157,9 @@ async def test_a_frame_that_waits_can_be_taken_back_one_that_left_cannot(termina
     port.write(gone)
     for n in range(1000):
         port.write(b"%04d" % n * 20 + b"\0")
-    assert not port.unsend(gone)
-    assert port.unsend(b"0999" * 20 + b"\0")
-    assert not port.unsend(b"0999" * 20 + b"\0")
+    assert not port.dequeue(gone)
+    assert port.dequeue(b"0999" * 20 + b"\0")
+    assert not port.dequeue(b"0999" * 20 + b"\0")
     port.close()
 
 

@@ -1,6 +1,6 @@
 """What a request waits for: resumes its task in the turn of the event loop in which the reply came.
 
-An `asyncio.Future` resumes its task one turn later, which costs a third of a short request's time. An `Answer`
+An `asyncio.Future` resumes its task one turn later, which costs a third of a short request's time. A `ReplyFuture`
 is awaited by a task in the same way (the protocol of `asyncio.isfuture`), but can also be `resume`d at once;
 that is allowed only where no task is running, at the end of a reader's callback.
 """
@@ -13,12 +13,12 @@ from typing import Any
 from medusa.errors import MedusaError
 
 
-class Answer:
+class ReplyFuture:
     """Holds a reply's payload or an error, once; awaited by one task."""
 
     _asyncio_future_blocking = False
     _outcome: bytes | BaseException | None = None
-    _callback: Callable[["Answer"], object] | None = None
+    _callback: Callable[["ReplyFuture"], object] | None = None
     _context: Context | None = None
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -53,7 +53,7 @@ class Answer:
         if isinstance(self._outcome, bytes):
             return self._outcome
         if self._outcome is None:
-            raise asyncio.InvalidStateError("no answer yet")
+            raise asyncio.InvalidStateError("no reply yet")
         raise self._outcome
 
     def done(self) -> bool:
@@ -65,7 +65,7 @@ class Answer:
         return self._loop
 
     def add_done_callback(
-        self, callback: Callable[["Answer"], object], *, context: Context | None = None
+        self, callback: Callable[["ReplyFuture"], object], *, context: Context | None = None
     ) -> None:
         """Take in what resumes the waiting task (called by the task itself)."""
         self._callback = callback

@@ -19,7 +19,7 @@ class SequenceNumbers:
         self._usable_from = [0] * COUNT
         self._until = [0.0] * COUNT
         self._copies = [0] * COUNT
-        self._heard = [True] * COUNT
+        self._received = [True] * COUNT
 
     def take(self, now: float, kept: bool = True) -> int | None:
         """Return the next number in rising order that may be used, None when there is none.
@@ -51,15 +51,15 @@ class SequenceNumbers:
         self._answered += 1
         self._usable_from[number] = self._answered + _ANSWERS_BEFORE_REUSE
         if copies_left:
-            self._keep_out(number, now, copies_left, heard=True)
+            self._keep_out(number, now, copies_left, received=True)
 
     def abandoned(self, number: int, now: float, copies_left: int) -> None:
         """Take a number back whose request ended without an answer to any of its copies."""
         self._usable_from[number] = self._answered + _ANSWERS_BEFORE_REUSE
-        self._keep_out(number, now, copies_left, heard=False)
+        self._keep_out(number, now, copies_left, received=False)
 
-    def _keep_out(self, number: int, now: float, copies_left: int, *, heard: bool) -> None:
-        self._heard[number] = heard
+    def _keep_out(self, number: int, now: float, copies_left: int, *, received: bool) -> None:
+        self._received[number] = received
         self._copies[number] = copies_left
         self._until[number] = now + QUARANTINE_S if copies_left else 0.0
 
@@ -67,8 +67,8 @@ class SequenceNumbers:
         """Note a late reply: one copy less to wait for; the first also shows that the device took the request."""
         if self._until[number] <= now:
             return
-        if not self._heard[number]:
-            self._heard[number] = True
+        if not self._received[number]:
+            self._received[number] = True
             self._answered += 1
         self._copies[number] -= 1
         if self._copies[number] <= 0:

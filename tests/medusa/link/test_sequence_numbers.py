@@ -1,6 +1,6 @@
 """Sequence numbers: when one may be used again."""
 
-from medusa.link.numbers import SequenceNumbers
+from medusa.link.sequence_numbers import SequenceNumbers
 
 
 def test_numbers_come_in_rising_order_from_0_and_go_round() -> None:

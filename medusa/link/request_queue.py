@@ -7,7 +7,7 @@ from medusa.link.messages import HELLO
 from medusa.link.request import Request
 
 
-class Waiting(deque[Request]):
+class RequestQueue(deque[Request]):
     """First come, first served, except that what depends on another waits for it and lets others pass."""
 
     def next(self, live: Collection[Request], outstanding: int, window: int) -> Request | None:

@@ -8,13 +8,13 @@ from medusa.link.messages import Event
 from medusa.link.request import Request
 
 
-class Owner(Protocol):
+class ExchangeHost(Protocol):
     """Who runs an exchange: it carries out what the exchange decides."""
 
     def send(self, frame: bytes) -> None:
         """Write a frame behind those written before."""
 
-    def unsend(self, frame: bytes) -> bool:
+    def dequeue(self, frame: bytes) -> bool:
         """Take back a frame of which no byte has left the host yet; False when it has gone."""
 
     def finish(self, request: Request, result: bytes | MedusaError) -> None:
@@ -24,7 +24,7 @@ class Owner(Protocol):
         """Hand an event on."""
 
     def lost(self, error: MedusaError) -> None:
-        """The device cannot be heard any more, or has restarted."""
+        """The device answers no more, or has restarted."""
 
     def name(self, operation: int) -> str:
         """Return the operation's name for messages."""
