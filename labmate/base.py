@@ -163,7 +163,7 @@ class Base:
         if self._steering is not steering:
             raise CommandError("somebody else steers the base")
         try:
-            await self.connection.request(m.DRIVE, m.Drive(speed, turn_rate, valid).encode(), moves=True)
+            await self.connection.request(m.DRIVE, m.Drive(speed, turn_rate, valid).encode())
         except CommandError as error:
             if error.status in (8, 9):
                 check_free_way("DRIVE", (await self.snapshot()).flags, speed, turn_rate)
@@ -256,7 +256,7 @@ class Base:
         except ProtocolError as error:
             _LOG.error("event %02XH: %s", event.operation, error)
             return
-        _LOG.info("%s, detail %d", m.OPERATION_NAMES.get(event.operation, "unknown event"), content.detail)
+        _LOG.info("%s, detail %d", m.EVENT_NAMES.get(event.operation, "unknown event"), content.detail)
         if self._travel is not None:
             self._travel.take_event(event.operation, content)
         if event.operation == m.EVENT_BUMPER:

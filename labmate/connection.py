@@ -15,7 +15,7 @@ from labmate.config import BaseConfig
 from labmate.errors import StopNotConfirmed
 from labmate.messages import HelloPart
 from medusa.errors import DeviceFault, DeviceRestarted, MedusaError, NoReply, PortError
-from medusa.link import Event, Hello, Line, Session
+from medusa.link import Event, Hello, Line, Operation, Session
 
 _LOG = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ class Connection:
         self.config = config
         self.line = line
         self.session: Session = line.session(address)
-        self.session.name_operations(m.OPERATION_NAMES, reply_sizes=m.REPLY_SIZES, event_size=m.EVENT_SIZE)
+        self.session.describe(m.OPERATIONS, m.EVENT_NAMES, event_size=m.EVENT_SIZE)
         self._on_event = on_event
         self._on_trouble = on_trouble
         self._unsubscribe: list[Callable[[], None]] = []
@@ -103,21 +103,11 @@ class Connection:
         if self._trouble is not None:
             raise DeviceFault(f"{self._trouble}; recover() before it moves") from self._trouble
 
-    async def request(
-        self,
-        operation: int,
-        payload: bytes = b"",
-        *,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
-    ) -> bytes:
+    async def request(self, operation: Operation, payload: bytes = b"") -> bytes:
         """One request to the base as a whole; every answered one feeds the watchdog."""
         asked_at = asyncio.get_running_loop().time()
         try:
-            reply = await self.session.request(
-                operation, payload=payload, reads=reads, moves=moves, stops=stops
-            )
+            reply = await self.session.request(operation, payload=payload)
         except DeviceRestarted as error:
             if not self.restarted:
                 self._note_trouble(error)
@@ -158,7 +148,7 @@ class Connection:
         try:
             async with asyncio.timeout(_FOUND_MOVING):
                 while True:
-                    if m.StatusReply.decode(await self.request(m.STATUS, reads=True)).at_rest:
+                    if m.StatusReply.decode(await self.request(m.STATUS)).at_rest:
                         break
                     await asyncio.sleep(0.05)
         except TimeoutError:

@@ -6,28 +6,17 @@ hold, `decode` refuses a payload of the wrong length. No I/O, no clock.
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from math import isfinite, radians
-from operator import attrgetter
-from typing import Any, ClassVar, Final, Self
+from math import radians
+from typing import ClassVar, Final, Self
 
-from medusa.errors import CommandError, ProtocolError
+from medusa.errors import ProtocolError
+from medusa.link.layout import Field, Layout
+from medusa.link.operation import Operation
 
 DEVICE_TYPE: Final = 2
 DEFAULT_ADDRESS: Final = 0x10
-
-POSE: Final = 0x30
-SET_POSE: Final = 0x31
-DRIVE: Final = 0x32
-GO: Final = 0x33
-TURN: Final = 0x34
-STOP: Final = 0x35
-LIMITS: Final = 0x36
-STATUS: Final = 0x37
-ENCODERS: Final = 0x38
 
 EVENT_EMERGENCY_STOP: Final = 0x43
 EVENT_WATCHDOG: Final = 0x44
@@ -43,16 +32,7 @@ _EVENTS: Final = (
 EVENT_MASK: Final = sum(1 << (event - 0x40) for event in _EVENTS)
 """Every event of the base, as EVENT_MASK takes them (bit n: event 40H + n)."""
 
-OPERATION_NAMES: Final = {
-    POSE: "POSE",
-    SET_POSE: "SET_POSE",
-    DRIVE: "DRIVE",
-    GO: "GO",
-    TURN: "TURN",
-    STOP: "STOP",
-    LIMITS: "LIMITS",
-    STATUS: "STATUS",
-    ENCODERS: "ENCODERS",
+EVENT_NAMES: Final = {
     EVENT_EMERGENCY_STOP: "event EMERGENCY_STOP",
     EVENT_WATCHDOG: "event WATCHDOG",
     EVENT_MOTION_DONE: "event MOTION_DONE",
@@ -111,65 +91,6 @@ class Ending(IntEnum):
     STALLED = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
-    """A little-endian field: struct code and SI value of one wire unit (None: the integer itself)."""
-
-    name: str
-    code: str
-    unit: float | None = None
-
-
-class Layout:
-    """The fields of a payload in wire order."""
-
-    def __init__(self, message: str, *fields: Field) -> None:
-        self.message = message
-        self.fields = fields
-        self._struct = struct.Struct("<" + "".join(field.code for field in fields))
-        self._ranges = [_code_range(field.code) for field in fields]
-        names = [field.name for field in fields]
-        self._values: Callable[[object], Any] = attrgetter(*names)
-
-    @property
-    def size(self) -> int:
-        """Bytes of the payload."""
-        return self._struct.size
-
-    def pack(self, message: object) -> bytes:
-        """Encode; raises CommandError naming field, value and range."""
-        values = self._values(message) if len(self.fields) > 1 else (self._values(message),)
-        wire = [self._to_wire(i, value) for i, value in enumerate(values)]
-        return self._struct.pack(*wire)
-
-    def unpack(self, payload: bytes) -> list[Any]:
-        """Decode to SI values; raises ProtocolError when the length is another."""
-        if len(payload) != self._struct.size:
-            raise ProtocolError(
-                f"{self.message} has {len(payload)} bytes, {self._struct.size} expected", frame=payload
-            )
-        return [
-            value if field.unit is None else value * field.unit
-            for field, value in zip(self.fields, self._struct.unpack(payload), strict=True)
-        ]
-
-    def _to_wire(self, index: int, value: float) -> int:
-        field, (low, high) = self.fields[index], self._ranges[index]
-        unit = 1.0 if field.unit is None else field.unit
-        if isfinite(value):
-            counts = round(value / unit) if field.unit is not None else int(value)
-            if low <= counts <= high:
-                return counts
-        raise CommandError(
-            f"{self.message}: {field.name} {value:.6g} is outside {low * unit:.6g}…{high * unit:.6g} (SI units)"
-        )
-
-
-def _code_range(code: str) -> tuple[int, int]:
-    bits = 8 * struct.calcsize("<" + code)
-    return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if code.islower() else (0, (1 << bits) - 1)
-
-
 class Message:
     """A payload with a layout."""
 
@@ -178,7 +99,7 @@ class Message:
 
     def encode(self) -> bytes:
         """The payload; raises CommandError when a value does not fit its field."""
-        return self.LAYOUT.pack(self)
+        return self.LAYOUT.pack(*(getattr(self, field.name) for field in self.LAYOUT.fields))
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
@@ -336,10 +257,16 @@ class BaseEvent(Message):
 
 EVENT_SIZE: Final = BaseEvent.LAYOUT.size
 """Payload bytes of every event."""
-REPLY_SIZES: Final = {
-    POSE: PoseReply.LAYOUT.size,
-    STATUS: StatusReply.LAYOUT.size,
-    ENCODERS: EncodersReply.LAYOUT.size,
-    **dict.fromkeys((SET_POSE, DRIVE, GO, TURN, STOP, LIMITS), 0),
-}
-"""Payload bytes of a good reply."""
+
+POSE: Final = Operation(0x30, "POSE", reply=PoseReply.LAYOUT, reads=True)
+SET_POSE: Final = Operation(0x31, "SET_POSE", SetPose.LAYOUT)
+DRIVE: Final = Operation(0x32, "DRIVE", Drive.LAYOUT, moves=True)
+GO: Final = Operation(0x33, "GO", Go.LAYOUT, moves=True)
+TURN: Final = Operation(0x34, "TURN", Turn.LAYOUT, moves=True)
+STOP: Final = Operation(0x35, "STOP", stops=True, urgent=True)
+LIMITS: Final = Operation(0x36, "LIMITS", Limits.LAYOUT)
+STATUS: Final = Operation(0x37, "STATUS", reply=StatusReply.LAYOUT, reads=True)
+ENCODERS: Final = Operation(0x38, "ENCODERS", reply=EncodersReply.LAYOUT, reads=True)
+
+OPERATIONS: Final = (POSE, SET_POSE, DRIVE, GO, TURN, STOP, LIMITS, STATUS, ENCODERS)
+"""What the base can be asked for beyond what every device can."""

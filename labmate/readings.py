@@ -36,9 +36,7 @@ class Readings:
         """Pose, encoders and status, asked for together."""
         asked_at = asyncio.get_running_loop().time()
         request = self._connection.request
-        replies = await asyncio.gather(
-            request(m.POSE, reads=True), request(m.STATUS, reads=True), request(m.ENCODERS, reads=True)
-        )
+        replies = await asyncio.gather(request(m.POSE), request(m.STATUS), request(m.ENCODERS))
         pose, status = m.PoseReply.decode(replies[0]), m.StatusReply.decode(replies[1])
         counts = m.EncodersReply.decode(replies[2])
         # Behind a repeat an older reading may come after the younger one of another reader: its way is counted.

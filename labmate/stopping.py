@@ -62,7 +62,7 @@ async def _send_stop(connection: Connection) -> None:
     """
     for left in reversed(range(_STOP_ATTEMPTS)):
         try:
-            await connection.request(m.STOP, stops=True)
+            await connection.request(m.STOP)
         except (DeviceRestarted, CommandError):
             await connection.session.open()
             return

@@ -97,7 +97,7 @@ class Travel:
     async def _send(self) -> None:
         self.may_move = True
         try:
-            await self._connection.request(self._operation, self._payload, moves=True)
+            await self._connection.request(self._operation, self._payload)
         except CommandError as error:
             self.may_move = False
             if error.status in (8, 9):

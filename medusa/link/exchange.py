@@ -52,7 +52,7 @@ class Exchange:
         self.due = NEVER
         self.event_size: int | None = None
         self._host = host
-        self._errors = Failures(address, host.name)
+        self._errors = Failures(address)
         self._before = State.CLOSED
         self._queue = RequestQueue()
         self._live: dict[int, Request] = {}
@@ -99,7 +99,7 @@ class Exchange:
     def withdraw(self, now: float, stop: Request | None = None) -> None:
         """Withdraw what a stop overrules; without `stop`, everything that gives way to a broadcast one."""
         urgent = stop is None or stop.urgent
-        everywhere = urgent or (stop is not None and stop.operation == HELLO)
+        everywhere = urgent or (stop is not None and stop.operation is HELLO)
         for request in [*self._live.values(), *self._queue]:
             overruled = request.moves or (urgent and request.gives_way)
             if overruled and (stop is None or everywhere or stop.depends_on(request)):
@@ -173,7 +173,7 @@ class Exchange:
         """An emergency stop ends a HELLO under way, another stop waits for it: HELLO stops the machine itself."""
         if self.state is not State.HANDSHAKE:
             return True
-        if request.operation != EMERGENCY_STOP:
+        if request.operation is not EMERGENCY_STOP:
             return False
         for hello in list(self._live.values()):
             self._withdraw(hello, now)
@@ -200,7 +200,7 @@ class Exchange:
             for other in self._live.values():
                 other.final |= self._forgettable(other)
         else:
-            number = self._sequence_numbers.take(now, request.operation != HELLO)
+            number = self._sequence_numbers.take(now, request.operation is not HELLO)
         if number is None:
             self._starve(now)
             return False
@@ -209,9 +209,11 @@ class Exchange:
         request.order = self._sent - len(self._live)
         request.sequence = number
         request.sendings = 1
-        request.frame = encode_request(self.address, number, request.operation, request.axis, request.payload)
+        request.frame = encode_request(
+            self.address, number, request.operation.code, request.axis, request.payload
+        )
         self._live[number] = request
-        if request.operation == HELLO:
+        if request.operation is HELLO:
             self._before = State.CLOSED if self.state is State.OPEN else self.state
             self.state = State.HANDSHAKE
         self._put_on_line(request, now)
@@ -239,7 +241,7 @@ class Exchange:
             self._fall_silent(now, "left too many requests unanswered to distinguish its replies")
 
     def _answered(self, message: Message, request: Request) -> None:
-        if request.operation == HELLO:
+        if request.operation is HELLO:
             self.state = State.OPEN if message.axis == 0 else self._before
             self._sequence_numbers.new_session()
             self._inbox.new_session()
@@ -335,7 +337,7 @@ class Exchange:
         if self._live.get(request.sequence) is request:
             del self._live[request.sequence]
             self._sequence_numbers.abandoned(request.sequence, now, request.sendings)
-            if request.operation == HELLO and self.state is State.HANDSHAKE:
+            if request.operation is HELLO and self.state is State.HANDSHAKE:
                 self.state = self._before
                 self._drop_queue("HELLO was not answered")
         elif request in self._queue:

@@ -26,9 +26,6 @@ class ExchangeHost(Protocol):
     def lost(self, error: MedusaError) -> None:
         """The device answers no more, or has restarted."""
 
-    def name(self, operation: int) -> str:
-        """Return the operation's name for messages."""
-
 
 @dataclass
 class Counters:

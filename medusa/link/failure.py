@@ -1,6 +1,5 @@
 """How requests fail, in words: who was asked what, whose fault it was, and whether it may have acted."""
 
-from collections.abc import Callable
 from typing import Final
 
 from medusa.errors import (
@@ -23,9 +22,8 @@ NO_HELLO: Final = 10
 class Failures:
     """Makes the errors of one device's requests."""
 
-    def __init__(self, address: int, name: Callable[[int], str]) -> None:
+    def __init__(self, address: int) -> None:
         self._address = address
-        self._name = name
 
     def refused(self, request: Request, reply: Message) -> MedusaError:
         """Return the error for a reply whose status is not 0."""
@@ -37,7 +35,7 @@ class Failures:
                 f"{asked}: answered with the unknown status {status}", frame=encode_frame(reply)
             )
         text = f"{asked}: {STATUS_NAMES[status]} (status {status})"
-        return CommandError(text, status=status, operation=request.operation, axis=request.axis)
+        return CommandError(text, status=status, operation=request.operation.code, axis=request.axis)
 
     def unanswered(self, request: Request, reason: str, gone: bool) -> MedusaError:
         """Return the error for one that got no answer, or to every sending one of the wrong size."""
@@ -62,8 +60,8 @@ class Failures:
     def no_session(self, request: Request) -> CommandError:
         """Return the error for one before any HELLO was answered."""
         text = f"{self._asked(request)}: no session is open"
-        return CommandError(text, operation=request.operation, axis=request.axis)
+        return CommandError(text, operation=request.operation.code, axis=request.axis)
 
     def _asked(self, request: Request) -> str:
         axis = "" if request.axis == WHOLE_DEVICE else f" axis {request.axis}"
-        return f"device {self._address:02X}H, {self._name(request.operation)}{axis}"
+        return f"device {self._address:02X}H, {request.operation.name}{axis}"

@@ -20,7 +20,8 @@ from medusa.link.frame import (
     Rejected,
     encode_frame,
 )
-from medusa.link.messages import BROADCAST, EMERGENCY_STOP, PING, WHOLE_DEVICE
+from medusa.link.messages import BROADCAST, EMERGENCY_STOP, OPERATIONS, PING, WHOLE_DEVICE
+from medusa.link.operation import Operation
 from medusa.link.port import Port, retry_pauses
 from medusa.link.reply_future import ReplyFuture
 from medusa.link.session import Session
@@ -152,8 +153,8 @@ class Line:
         """Take back a frame of which no byte has left the host yet."""
         return self._port.dequeue(frame)
 
-    def _broadcast(self, operation: int) -> None:
-        frame = encode_frame(Message(BROADCAST, REQUEST, self._broadcasts, operation, WHOLE_DEVICE))
+    def _broadcast(self, operation: Operation) -> None:
+        frame = encode_frame(Message(BROADCAST, REQUEST, self._broadcasts, operation.code, WHOLE_DEVICE))
         self._broadcasts = (self._broadcasts + 1) % 64
         if self._trace is not None:
             self._record(TO_DEVICE, frame)
@@ -207,7 +208,7 @@ class Line:
         session = self._sessions.get(address)
         name = f"{operation:02X}H" if session is None else session.name(operation)
         if address == BROADCAST:
-            name = {EMERGENCY_STOP: "EMERGENCY_STOP", PING: "PING"}.get(operation, name)
+            name = OPERATIONS[operation].name if operation in OPERATIONS else name
         words = [
             f"{address:02X}",
             KIND_NAMES[kind],

@@ -1,37 +1,44 @@
 """The operations that every framed device has (docs/protocols: the serial link), as typed messages."""
 
-import struct
 from dataclasses import dataclass, field
 from typing import Final
 
 from medusa.errors import ProtocolError
-
-HELLO: Final = 0x01
-PING: Final = 0x02
-STATISTICS: Final = 0x03
-WATCHDOG: Final = 0x04
-EMERGENCY_STOP: Final = 0x05
-CLEAR: Final = 0x06
-EVENT_MASK: Final = 0x07
+from medusa.link.layout import Field, Layout
+from medusa.link.operation import Operation
 
 WHOLE_DEVICE: Final = 0x0F
 BROADCAST: Final = 0x00
 PROTOCOL_VERSION: Final = 1
 
-OPERATION_NAMES: Final = {
-    HELLO: "HELLO",
-    PING: "PING",
-    STATISTICS: "STATISTICS",
-    WATCHDOG: "WATCHDOG",
-    EMERGENCY_STOP: "EMERGENCY_STOP",
-    CLEAR: "CLEAR",
-    EVENT_MASK: "EVENT_MASK",
+_HELLO = Layout(
+    "HELLO",
+    *(Field("nonce", "H"), Field("protocol", "B"), Field("device_type", "B")),
+    *(Field("firmware", "H"), Field("boot_count", "H")),
+)
+_PING = Layout("PING", Field("time_us", "I"))
+_STATISTICS = Layout(
+    "STATISTICS",
+    *(Field("frames", "I"), Field("crc_errors", "H"), Field("framing_errors", "H")),
+    *(Field("repeats_answered", "H"), Field("events_given_up", "H"), Field("watchdog_trips", "H")),
+)
+
+HELLO: Final = Operation(0x01, "HELLO", Layout("HELLO", Field("nonce", "H")), None, stops=True)
+"""Its reply ends with the device's own part, whose size varies."""
+PING: Final = Operation(0x02, "PING", reply=_PING, reads=True)
+STATISTICS: Final = Operation(0x03, "STATISTICS", reply=_STATISTICS, reads=True)
+WATCHDOG: Final = Operation(
+    0x04, "WATCHDOG", Layout("WATCHDOG", Field("timeout_ms", "H"), Field("action", "B"))
+)
+EMERGENCY_STOP: Final = Operation(0x05, "EMERGENCY_STOP", stops=True, urgent=True)
+CLEAR: Final = Operation(0x06, "CLEAR", stops=True)
+EVENT_MASK: Final = Operation(0x07, "EVENT_MASK", Layout("EVENT_MASK", Field("mask", "I")))
+
+OPERATIONS: Final = {
+    operation.code: operation
+    for operation in (HELLO, PING, STATISTICS, WATCHDOG, EMERGENCY_STOP, CLEAR, EVENT_MASK)
 }
-
-REPLY_SIZES: Final = {PING: 4, STATISTICS: 14, WATCHDOG: 0, EMERGENCY_STOP: 0, CLEAR: 0, EVENT_MASK: 0}
-
-_HELLO = struct.Struct("<HBBHH")
-_STATISTICS = struct.Struct("<IHHHHH")
+"""What every framed device can be asked for, by number."""
 
 
 @dataclass(frozen=True)
@@ -68,18 +75,13 @@ class Event:
     sequence: int
 
 
-def encode_hello(nonce: int) -> bytes:
-    """Return the payload of a HELLO request."""
-    return struct.pack("<H", nonce)
-
-
 def decode_hello(payload: bytes) -> Hello:
     """Return a HELLO reply's content; raises ProtocolError when it is too short or of another protocol."""
     if len(payload) < _HELLO.size:
         raise ProtocolError(
             f"HELLO answered {len(payload)} bytes, at least {_HELLO.size} needed", frame=payload
         )
-    nonce, protocol, device_type, firmware, boot_count = _HELLO.unpack_from(payload)
+    nonce, protocol, device_type, firmware, boot_count = _HELLO.unpack(payload[: _HELLO.size])
     hello = Hello(nonce, protocol, device_type, firmware, boot_count, payload[_HELLO.size :])
     if hello.protocol != PROTOCOL_VERSION:
         raise ProtocolError(
@@ -90,25 +92,10 @@ def decode_hello(payload: bytes) -> Hello:
 
 def decode_ping(payload: bytes) -> int:
     """Return the device's time in µs since power-up (wraps at 2³²)."""
-    if len(payload) != 4:
-        raise ProtocolError(f"PING answered {len(payload)} bytes, 4 expected", frame=payload)
-    return int.from_bytes(payload, "little")
+    (time_us,) = _PING.unpack(payload)
+    return int(time_us)
 
 
 def decode_statistics(payload: bytes) -> Statistics:
     """Return the device's counters."""
-    if len(payload) != _STATISTICS.size:
-        raise ProtocolError(
-            f"STATISTICS answered {len(payload)} bytes, {_STATISTICS.size} expected", frame=payload
-        )
     return Statistics(*_STATISTICS.unpack(payload))
-
-
-def encode_watchdog(timeout_ms: int, action: int) -> bytes:
-    """Return the payload of a WATCHDOG request; a timeout of 0 switches it off."""
-    return struct.pack("<HB", timeout_ms, action)
-
-
-def encode_event_mask(mask: int) -> bytes:
-    """Return the payload of an EVENT_MASK request; bit n lets event 40H + n through."""
-    return struct.pack("<I", mask)

@@ -3,7 +3,8 @@
 from typing import Final
 
 from medusa.link.frame import Message
-from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO, PING, STATISTICS, WHOLE_DEVICE
+from medusa.link.messages import CLEAR, HELLO, WHOLE_DEVICE
+from medusa.link.operation import Operation
 from medusa.link.reply_future import ReplyFuture
 
 MAX_SENDINGS: Final = 3
@@ -24,14 +25,10 @@ class Request:
 
     def __init__(
         self,
-        operation: int,
+        operation: Operation,
         axis: int,
         payload: bytes,
         deadline: float,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
-        urgent: bool | None = None,
         reply_size: int | None = None,
         reply: ReplyFuture | None = None,
     ) -> None:
@@ -39,16 +36,12 @@ class Request:
         self.axis = axis
         self.payload = payload
         self.deadline = deadline
-        self.reads = reads
-        self.moves = moves
-        self.stops = stops
-        self.urgent = stops if urgent is None else urgent
-        self.reply_size = reply_size
+        self.reads = operation.reads
+        self.moves = operation.moves
+        self.stops = operation.stops
+        self.urgent = operation.urgent
+        self.reply_size = operation.reply_size if reply_size is None else reply_size
         self.reply = reply
-        if operation <= CLEAR:
-            self.reads = reads or operation in (PING, STATISTICS)
-            self.stops = stops or operation in (HELLO, EMERGENCY_STOP, CLEAR)
-            self.urgent = operation == EMERGENCY_STOP
 
     def depends_on(self, earlier: "Request") -> bool:
         """Return whether this one must act after the earlier one."""
@@ -59,7 +52,7 @@ class Request:
     @property
     def gives_way(self) -> bool:
         """Whether a stop withdraws it: what can move anything, and CLEAR, which would undo the stop's latch."""
-        return self.moves or self.operation == CLEAR
+        return self.moves or self.operation is CLEAR
 
     @property
     def repeatable(self) -> bool:
@@ -68,9 +61,9 @@ class Request:
 
     def is_answered_by(self, reply: Message) -> bool:
         """Whether it is the one the reply answers; a HELLO takes only its own nonce (a refusal has none)."""
-        if self.operation != HELLO:
-            return reply.operation == self.operation
-        return reply.operation == HELLO and (reply.axis != 0 or reply.payload[:2] == self.payload)
+        if self.operation is not HELLO:
+            return reply.operation == self.operation.code
+        return reply.operation == HELLO.code and (reply.axis != 0 or reply.payload[:2] == self.payload)
 
     def is_damaged_by(self, reply: Message) -> bool:
         """Whether the reply is of the wrong size, or refuses a right one as "bad length": worth a repeat."""

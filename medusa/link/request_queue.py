@@ -16,13 +16,13 @@ class RequestQueue(deque[Request]):
         No two requests of which the later must act after the earlier are unanswered together; HELLO goes out
         with nothing outstanding, and nothing passes it; what withdraws motion waits for motion that is live.
         """
-        if self[0].operation == HELLO:
+        if self[0].operation is HELLO:
             return None if outstanding else self[0]
         if outstanding >= window:
             return None
         earlier: list[Request] = []
         for request in self:
-            if request.operation == HELLO:
+            if request.operation is HELLO:
                 return None
             if not (
                 any(request.depends_on(other) for other in live)

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,9 +15,8 @@ from medusa.link.messages import (
     EMERGENCY_STOP,
     EVENT_MASK,
     HELLO,
-    OPERATION_NAMES,
+    OPERATIONS,
     PING,
-    REPLY_SIZES,
     STATISTICS,
     WATCHDOG,
     WHOLE_DEVICE,
@@ -27,10 +26,8 @@ from medusa.link.messages import (
     decode_hello,
     decode_ping,
     decode_statistics,
-    encode_event_mask,
-    encode_hello,
-    encode_watchdog,
 )
+from medusa.link.operation import Operation
 from medusa.link.reply_future import ReplyFuture
 from medusa.link.request import Request
 from medusa.link.stream import EventStream
@@ -64,8 +61,9 @@ class Session:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due = NEVER
-        self._names = dict(OPERATION_NAMES)
-        self._reply_sizes = dict(REPLY_SIZES)
+        self._names = {code: operation.name for code, operation in OPERATIONS.items()}
+        self._reply_sizes: dict[int, int] = {}
+        self._by_keywords: dict[tuple[int, bool, bool, bool, bool], Operation] = {}
         self._subscribers: list[Callable[[Event], None]] = []
         self._restart_watchers: list[Callable[[MedusaError], None]] = []
         self._loss_watchers: list[Callable[[MedusaError], None]] = []
@@ -100,7 +98,7 @@ class Session:
     async def handshake(self) -> Hello:
         """Send HELLO without allowing motion: what the line does on its own after a loss."""
         nonce = self.line.nonce()
-        hello = decode_hello(await self.request(HELLO, payload=encode_hello(nonce)))
+        hello = decode_hello(await self.request(HELLO, payload=HELLO.request.pack(nonce)))
         before, self.hello = self.hello, hello
         self.generation += 1
         log.info("device %02XH: session %d, boot count %d", self.address, self.generation, hello.boot_count)
@@ -116,7 +114,7 @@ class Session:
 
     async def request(
         self,
-        operation: int,
+        operation: Operation | int,
         axis: int = WHOLE_DEVICE,
         payload: bytes = b"",
         *,
@@ -129,40 +127,39 @@ class Session:
     ) -> bytes:
         """Send one request and return its reply's payload.
 
-        `reads`: changes nothing that another request depends on; such requests overlap freely (up to four).
-        Without it a request acts, and waits while one that acts on the same axis (0FH: any) is unanswered.
-        `moves`: can move something; withdrawn by a stop, never sent again by a reconnection.
-        `stops`: STOP, MODE 0, EMERGENCY_STOP, CLEAR: withdraws every unanswered motion first.
-        `urgent`: needs no free place in the window (default: `stops`, except CLEAR; False for MODE 0). Who is
-        cancelled while waiting for it gets no reply, but it is carried through.
-        `reply_size`: bytes in a good reply (default: as given to `name_operations`); another is damage.
+        `operation`: what is asked for, and with it how the request depends on others (`Operation`). A device
+        without a table of its own gives the number alone and says `reads`, `moves`, `stops`, `urgent` (default:
+        as `stops`) at each call.
+        `reply_size`: bytes in a good reply, where the operation leaves them open; another is damage.
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
         DeviceRestarted (answered "no HELLO since power-up"). Cancelling is safe.
         """
         line = self.line
+        if isinstance(operation, int):
+            if reply_size is None:
+                reply_size = self._reply_sizes.get(operation)
+            operation = self._operation(operation, reads, moves, stops, stops if urgent is None else urgent)
         if not line.is_open:
             raise PortError(line.path, line.closed_because)
-        if moves and not self.may_move:
+        if operation.moves and not self.may_move:
             raise CommandError(
-                f"device {self.address:02X}H, {self.name(operation)}: the session was lost or never opened; no "
+                f"device {self.address:02X}H, {operation.name}: the session was lost or never opened; no "
                 "motion before open()",
-                operation=operation,
+                operation=operation.code,
                 axis=axis,
             )
         if len(payload) > MAX_PAYLOAD:
-            text = f"device {self.address:02X}H, {self.name(operation)}: payload of {len(payload)} bytes"
-            raise CommandError(f"{text}, at most {MAX_PAYLOAD}", operation=operation, axis=axis)
+            text = f"device {self.address:02X}H, {operation.name}: payload of {len(payload)} bytes"
+            raise CommandError(f"{text}, at most {MAX_PAYLOAD}", operation=operation.code, axis=axis)
         loop = self._loop
         if loop is None:
             loop = self._loop = asyncio.get_running_loop()
         reply = ReplyFuture(loop)
         if deadline is None:
             deadline = line.reply_timeout
-        if reply_size is None:
-            reply_size = self._reply_sizes.get(operation)
-        request = Request(operation, axis, payload, deadline, reads, moves, stops, urgent, reply_size, reply)
+        request = Request(operation, axis, payload, deadline, reply_size, reply)
         exchange = self._exchange
         exchange.submit(request, loop.time())
         if exchange.due < self._timer_due:
@@ -201,27 +198,39 @@ class Session:
 
     async def ping(self) -> int:
         """Return the device's time, µs since its power-up."""
-        return decode_ping(await self.request(PING, reads=True))
+        return decode_ping(await self.request(PING))
 
     async def statistics(self) -> Statistics:
         """Return the device's own counters."""
-        return decode_statistics(await self.request(STATISTICS, reads=True))
+        return decode_statistics(await self.request(STATISTICS))
 
     async def watchdog(self, timeout_ms: int, action: int = 0) -> None:
         """Set the device's watchdog; 0 ms switches it off."""
-        await self.request(WATCHDOG, payload=encode_watchdog(timeout_ms, action))
+        await self.request(WATCHDOG, payload=WATCHDOG.request.pack(timeout_ms, action))
 
     async def emergency_stop(self) -> None:
         """Stop this device at once and latch it."""
-        await self.request(EMERGENCY_STOP, stops=True)
+        await self.request(EMERGENCY_STOP)
 
     async def clear(self, axis: int = WHOLE_DEVICE) -> None:
         """Release what is latched and whose cause is gone."""
-        await self.request(CLEAR, axis, stops=True)
+        await self.request(CLEAR, axis)
 
     async def event_mask(self, mask: int) -> None:
         """Let the events of the mask through (bit n: event 40H + n)."""
-        await self.request(EVENT_MASK, payload=encode_event_mask(mask))
+        await self.request(EVENT_MASK, payload=EVENT_MASK.request.pack(mask))
+
+    def describe(
+        self, operations: Iterable[Operation], events: Mapping[int, str], *, event_size: int | None
+    ) -> None:
+        """Take in the device's own operations, its events' names, and the payload size of every event.
+
+        With the sizes a frame that ran into the next one, which the CRC does not notice, is dropped and asked
+        for again.
+        """
+        self._names.update({operation.code: operation.name for operation in operations})
+        self._names.update(events)
+        self._exchange.event_size = event_size
 
     def name_operations(
         self,
@@ -230,11 +239,7 @@ class Session:
         reply_sizes: Mapping[int, int] | None = None,
         event_size: int | None = None,
     ) -> None:
-        """Name the device's own operations, and give the payload sizes of their good replies and of events.
-
-        With them a frame that ran into the next one, which the CRC does not notice, is dropped and asked for
-        again.
-        """
+        """Name operations and events of a device without a table, with the payload sizes of good replies."""
         self._names.update(names)
         self._reply_sizes.update(reply_sizes or {})
         self._exchange.event_size = event_size
@@ -281,6 +286,20 @@ class Session:
         self.may_move = False
         _notify(self._loss_watchers, error)
         self.line.recover()
+
+    def _operation(self, code: int, reads: bool, moves: bool, stops: bool, urgent: bool) -> Operation:
+        """Return the row for a number that is asked for by keywords; the shared operations have theirs."""
+        shared = OPERATIONS.get(code)
+        if shared is not None:
+            return shared
+        key = (code, reads, moves, stops, urgent)
+        found = self._by_keywords.get(key)
+        if found is None:
+            found = Operation(
+                code, self.name(code), reply=None, reads=reads, moves=moves, stops=stops, urgent=urgent
+            )
+            self._by_keywords[key] = found
+        return found
 
     def _time(self) -> float:
         if self._loop is None:

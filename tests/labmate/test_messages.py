@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from labmate import messages as m
 from medusa.errors import CommandError, ProtocolError
 from medusa.link.frame import Message, decode_body, encode_frame
+from tests import protocol_page
 
 VECTORS = json.loads((Path(__file__).parents[1] / "vectors/labmate.json").read_text())
 KINDS = {"request": 0, "reply": 1, "event": 2}
@@ -55,11 +56,26 @@ def test_no_vector_is_left_out() -> None:
     assert {v["name"] for v in VECTORS} == set(MESSAGES)
 
 
-def test_the_operations_have_the_numbers_of_the_page() -> None:
-    assert (m.POSE, m.SET_POSE, m.DRIVE, m.GO, m.TURN) == (0x30, 0x31, 0x32, 0x33, 0x34)
-    assert (m.STOP, m.LIMITS, m.STATUS, m.ENCODERS) == (0x35, 0x36, 0x37, 0x38)
+def test_every_operation_of_the_page_has_its_row_with_the_pages_fields() -> None:
+    assert protocol_page.operations(section=6) == {
+        op.code: (op.name, protocol_page.written(op.request), protocol_page.written(op.reply))
+        for op in m.OPERATIONS
+    }
+
+
+def test_what_an_operation_does_is_what_the_page_says() -> None:
+    # DRIVE, GO and TURN move; STOP is always accepted and waits for no place in the window; POSE, STATUS and
+    # ENCODERS ask and change nothing; SET_POSE and LIMITS set something and move nothing.
+    assert {op.name for op in m.OPERATIONS if op.moves} == {"DRIVE", "GO", "TURN"}
+    assert {op.name for op in m.OPERATIONS if op.reads} == {"POSE", "STATUS", "ENCODERS"}
+    assert {op.name for op in m.OPERATIONS if op.stops and op.urgent} == {"STOP"}
+    assert {op.name for op in m.OPERATIONS if op.stops} == {"STOP"}
+
+
+def test_the_mask_lets_every_event_of_the_page_through() -> None:
     # Events 43, 44, 50–53: bits 3, 4, 10H–13H of the mask.
     assert m.EVENT_MASK == 0x000F_0018
+    assert sorted(m.EVENT_NAMES) == [0x43, 0x44, 0x50, 0x51, 0x52, 0x53]
 
 
 @pytest.mark.parametrize(

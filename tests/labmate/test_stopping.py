@@ -432,7 +432,7 @@ async def test_a_host_that_connects_to_a_moving_base_finds_it_standing(sim: Simu
     async with Line(sim.port, seed=3) as line:
         earlier = line.session(m.DEFAULT_ADDRESS)
         await earlier.open()
-        await earlier.request(m.GO, payload=m.Go(5.0).encode(), moves=True)
+        await earlier.request(m.GO, payload=m.Go(5.0).encode())
         await asyncio.sleep(2.0)
         # The earlier host vanishes without a word; it had set no watchdog.
     assert sim.bench.state()["base"]["mode"] == "go"

@@ -11,7 +11,7 @@ from labmate import messages as m
 from labmate.messages import BaseEvent, Ending, Flags, Limits, Message, Mode
 from labmate.simulation import SimulatedBase, simulated_base
 from medusa.errors import CommandError, NoReply
-from medusa.link import Event, Line, Session
+from medusa.link import Event, Line, Operation, Session
 
 
 @pytest.fixture
@@ -29,7 +29,9 @@ async def session(sim: SimulatedBase) -> AsyncIterator[Session]:
         yield opened
 
 
-async def ask(session: Session, operation: int, message: Message | bytes = b"", axis: int = 0x0F) -> bytes:
+async def ask(
+    session: Session, operation: Operation | int, message: Message | bytes = b"", axis: int = 0x0F
+) -> bytes:
     payload = message if isinstance(message, bytes) else message.encode()
     return await session.request(operation, axis, payload)
 
@@ -182,7 +184,7 @@ async def test_the_base_answers_as_its_page_says(
     session: Session,
     sim: SimulatedBase,
     setting: Callable[[Session, SimulatedBase], Awaitable[None]],
-    operation: int,
+    operation: Operation | int,
     message: Message | bytes,
     answer: int,
 ) -> None:
@@ -196,7 +198,7 @@ async def test_the_base_answers_as_its_page_says(
 
 
 @pytest.mark.parametrize("operation", [m.POSE, m.STOP, m.STATUS, m.ENCODERS])
-async def test_another_axis_is_refused(session: Session, operation: int) -> None:
+async def test_another_axis_is_refused(session: Session, operation: Operation) -> None:
     with pytest.raises(CommandError) as refused:
         await ask(session, operation, axis=0)
     assert refused.value.status == 2

@@ -61,9 +61,9 @@ def answer_for_ever(fd: int) -> None:
             answer = known.get(frame + b"\0")
             if answer is None:
                 body = cobs.decode(frame)
-                if body[2] == HELLO:
+                if body[2] == HELLO.code:
                     nonce = body[4:6] + bytes.fromhex("0101020107 00".replace(" ", "")) + bytes(1)
-                    answer = encode_frame(Message(1, REPLY, body[1] & 63, HELLO, 0, nonce))
+                    answer = encode_frame(Message(1, REPLY, body[1] & 63, HELLO.code, 0, nonce))
             if answer is not None:
                 os.write(fd, answer)
 

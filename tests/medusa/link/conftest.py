@@ -3,17 +3,18 @@
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import pytest
 
 from medusa.errors import MedusaError
 from medusa.link.exchange import Exchange, State
 from medusa.link.frame import Decoder, Message
-from medusa.link.messages import HELLO, Event
+from medusa.link.messages import OPERATIONS, Event
+from medusa.link.operation import Operation
 from medusa.link.request import Request
 from sim_devices.link.device import Refused
 
+HELLO = 0x01
 SET, READ, ADD, STOP, RAISE_EVENT, MOVE = 0x30, 0x31, 0x32, 0x33, 0x34, 0x35
 BAD_LENGTH, OUT_OF_RANGE = 3, 4
 
@@ -136,15 +137,19 @@ class Desk:
     def lost(self, error: MedusaError) -> None:
         self.losses.append(error)
 
-    def name(self, operation: int) -> str:
-        return {0x19: "MOVE", 0x31: "READ"}.get(operation, f"operation {operation:02X}H")
+    def operation(self, code: int, **does: bool) -> Operation:
+        name = {0x19: "MOVE", 0x31: "READ"}.get(code, f"operation {code:02X}H")
+        return Operation(code, name, reply=None, **{"urgent": does.get("stops", False), **does})
 
     @property
     def sent(self) -> list[Message]:
         return [item for item in Decoder().feed(b"".join(self.frames)) if isinstance(item, Message)]
 
-    def ask(self, operation: int, axis: int = 0x0F, payload: bytes = b"", **how: Any) -> Request:
-        request = Request(operation, axis, payload, 0.1, **how)
+    def ask(
+        self, code: int, axis: int = 0x0F, payload: bytes = b"", reply_size: int | None = None, **does: bool
+    ) -> Request:
+        operation = OPERATIONS.get(code) or self.operation(code, **does)
+        request = Request(operation, axis, payload, 0.1, reply_size)
         self.exchange.submit(request, self.now)
         return request
 

@@ -6,8 +6,8 @@ import pytest
 
 from medusa.errors import NoReply
 from medusa.link.exchange import State
-from medusa.link.messages import EMERGENCY_STOP, HELLO
 
+HELLO, EMERGENCY_STOP = 0x01, 0x05
 READ, ACT = 0x31, 0x32
 
 

@@ -7,8 +7,9 @@ import pytest
 from medusa.errors import CommandError, DeviceRestarted, DeviceSilent, NoReply, PortError, ProtocolError
 from medusa.link.exchange import State
 from medusa.link.frame import Decoder, Message, encode_frame
-from medusa.link.messages import EMERGENCY_STOP, HELLO, PING, Event
+from medusa.link.messages import Event
 
+HELLO, PING, EMERGENCY_STOP = 0x01, 0x02, 0x05
 READ, ACT, MOVE = 0x31, 0x32, 0x19
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from medusa.errors import Withdrawn
 from medusa.link.exchange import State
-from medusa.link.messages import CLEAR, EMERGENCY_STOP, HELLO
 
+HELLO, EMERGENCY_STOP, CLEAR = 0x01, 0x05, 0x06
 READ, MOVE, STOP, MODE = 0x31, 0x19, 0x20, 0x16
 
 
