@@ -60,6 +60,7 @@ class Connection:
             self.session.subscribe(self._on_event),
             self.session.on_restart(self._note_trouble),
             self.session.on_lost(self._note_trouble),
+            self.session.on_gap(self._note_trouble),
         ]
         await self._prepare()
         if self.config is not None:

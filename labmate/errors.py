@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from medusa.errors import CommandError, DeviceFault, DeviceRestarted, Fault, MedusaError
+from medusa.errors import CommandError, DeviceFault, DeviceRestarted, Fault, HostGap, MedusaError
 
 if TYPE_CHECKING:
     from labmate.motion import MotionReport
@@ -23,9 +23,9 @@ class MotionStopped(DeviceFault):
 
 
 def out_of_reach(error: MedusaError) -> MotionStopped:
-    """What a lost line or a restart means for whatever was moving."""
-    restarted = isinstance(error, DeviceRestarted)
-    stopped = MotionStopped(f"the motion ended: {error}", reason="restart" if restarted else "line lost")
+    """What a lost line, a restart or a gap in feeding means for whatever was moving."""
+    reasons: dict[type[MedusaError], str] = {DeviceRestarted: "restart", HostGap: "watchdog"}
+    stopped = MotionStopped(f"the motion ended: {error}", reason=reasons.get(type(error), "line lost"))
     stopped.__cause__ = error
     return stopped
 

@@ -109,6 +109,18 @@ class DeviceRestarted(DeviceFault):
         super().__init__(message)
 
 
+class HostGap(DeviceFault):
+    """Nothing fed the device for longer than its watchdog (s): the machine has stopped, and motion is over."""
+
+    def __init__(self, device: str, gap: float, watchdog: float) -> None:
+        self.device = device
+        self.gap = gap
+        self.watchdog = watchdog
+        super().__init__(
+            f"{device} was not fed for {gap:.2f} s: its watchdog of {1e3 * watchdog:.0f} ms stops it"
+        )
+
+
 class ConfigError(MedusaError):
     """A configuration file is wrong: which file, which key, its value and what is allowed."""
 

@@ -88,6 +88,10 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         return self._now
 
+    def block(self, seconds: float) -> None:
+        """Let time pass within the running callback, as work of its own would: nothing else runs meanwhile."""
+        self._now += seconds
+
     def add_stepper(self, stepper: Stepper) -> None:
         """Run something between the timers, each step at its own time."""
         self._steppers.append(stepper)

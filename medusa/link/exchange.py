@@ -16,11 +16,12 @@ from enum import Enum, auto
 from typing import Final
 
 from medusa.errors import DeviceSilent, MedusaError, PortError
+from medusa.link.contact import Contact
 from medusa.link.events import Inbox, acknowledge
 from medusa.link.exchange_host import Counters, ExchangeHost
 from medusa.link.failure import NO_HELLO, Failures
 from medusa.link.frame import EVENT, REPLY, Message, encode_frame, encode_request
-from medusa.link.messages import EMERGENCY_STOP, HELLO
+from medusa.link.messages import EMERGENCY_STOP, HELLO, WATCHDOG
 from medusa.link.request import BAD_LENGTH, Request
 from medusa.link.request_queue import RequestQueue
 from medusa.link.sequence_numbers import SequenceNumbers
@@ -45,8 +46,9 @@ class State(Enum):
 class Exchange:
     """Requests, replies and events of one device; `due` is when `expire` wants to be called."""
 
-    def __init__(self, address: int, host: ExchangeHost) -> None:
+    def __init__(self, address: int, host: ExchangeHost, contact: Contact) -> None:
         self.address = address
+        self.contact = contact
         self.state = State.CLOSED
         self.counters = Counters()
         self.due = NEVER
@@ -71,6 +73,10 @@ class Exchange:
     def submit(self, request: Request, now: float) -> None:
         """Take a request in: it is sent now, later, or finished with an error."""
         self.counters.requests += 1
+        self.look(now)
+        if request.moves and self.contact.gap is not None:
+            self._host.finish(request, self._errors.after_gap(self.contact.gap))
+            return
         if self.state is not State.OPEN:
             if not self._admits(request):
                 return
@@ -90,6 +96,7 @@ class Exchange:
 
     def cancel(self, request: Request, now: float) -> None:
         """Nobody waits for it any more: not repeated, its reply swallowed. A stop is carried through all the same."""
+        self.look(now)
         if request in self._queue:
             self._queue.remove(request)
         elif self._live.get(request.sequence) is request and not request.urgent:
@@ -103,10 +110,21 @@ class Exchange:
         for request in [*self._live.values(), *self._queue]:
             overruled = request.moves or (urgent and request.gives_way)
             if overruled and (stop is None or everywhere or stop.depends_on(request)):
-                self._withdraw(request, now)
+                self._withdraw(request, now, "for a stop")
+
+    def look(self, now: float) -> None:
+        """End every motion when the device's watchdog may have expired; called before anything leaves."""
+        gap = self.contact.look(now) if self.state is State.OPEN else None
+        if gap is None:
+            return
+        for request in [*self._live.values(), *self._queue]:
+            if request.moves:
+                self._withdraw(request, now, "after a gap")
+        self._host.interrupted(gap)
 
     def receive(self, message: Message, now: float) -> None:
         """Take in a message that came from the device."""
+        self.look(now)
         if message.kind == REPLY:
             request = self._live.get(message.sequence)
             self._unanswered_since = None
@@ -118,6 +136,9 @@ class Exchange:
             else:
                 del self._live[message.sequence]
                 self._sequence_numbers.answered(message.sequence, now, request.sendings - 1)
+                self.contact.answered(request.first_sent)
+                if request.operation is WATCHDOG and message.axis == 0:
+                    self._watchdog_set(request)
                 if message.axis == 0 and self.state is State.OPEN:
                     self._host.finish(request, message.payload)
                 else:
@@ -135,6 +156,7 @@ class Exchange:
         """Do what is due: repeat, give up, notice silence."""
         now += _EARLY
         self.due = NEVER
+        self.look(now)
         if self._unanswered_since is not None and now >= self._unanswered_since + SILENCE_S:
             self._fall_silent(now, "answered nothing for a second")
         for request in list(self._live.values()):
@@ -176,7 +198,7 @@ class Exchange:
         if request.operation is not EMERGENCY_STOP:
             return False
         for hello in list(self._live.values()):
-            self._withdraw(hello, now)
+            self._withdraw(hello, now, "for a stop")
         return True
 
     def _pump(self, now: float) -> None:
@@ -209,6 +231,7 @@ class Exchange:
         request.order = self._sent - len(self._live)
         request.sequence = number
         request.sendings = 1
+        request.first_sent = self.contact.time(now)
         request.frame = encode_request(
             self.address, number, request.operation.code, request.axis, request.payload
         )
@@ -245,6 +268,7 @@ class Exchange:
             self.state = State.OPEN if message.axis == 0 else self._before
             self._sequence_numbers.new_session()
             self._inbox.new_session()
+            self.contact.reset()
         if message.axis == 0:
             self._host.finish(request, message.payload)
             return
@@ -254,6 +278,13 @@ class Exchange:
             self.state = State.CLOSED
             self._drop_queue(f"device {self.address:02X}H has restarted")
             self._host.lost(error)
+
+    def _watchdog_set(self, request: Request) -> None:
+        timeout_ms, _ = WATCHDOG.request.unpack(request.payload)
+        if timeout_ms > 0:
+            self.contact.arm(timeout_ms * 1e-3, request.first_sent)
+        else:
+            self.contact.disarm()
 
     def _damaged(self, message: Message, request: Request, now: float) -> None:
         """A frame whose 00 was hit runs into the next one and its CRC still fits: only its length shows it."""
@@ -289,7 +320,7 @@ class Exchange:
         stuck = self._host.dequeue(request.frame)
         overruled = request.moves and self._queue.has_stop()
         if overruled:
-            self._withdraw(request, now)
+            self._withdraw(request, now, "for a stop")
         elif request.repeatable and not stuck:
             self._repeat(request, now)
         else:
@@ -303,13 +334,13 @@ class Exchange:
         self.counters.repeats += 1
         self._put_on_line(request, now)
 
-    def _withdraw(self, request: Request, now: float) -> None:
+    def _withdraw(self, request: Request, now: float, reason: str) -> None:
         gone = request.sendings > 0
         if gone and self._host.dequeue(request.frame):
             gone = request.sendings > 1
         if gone:
             self._abandon(request, now)
-        self._end(request, now, self._errors.withdrawn(request, gone))
+        self._end(request, now, self._errors.withdrawn(request, gone, reason))
 
     def _abandon(self, request: Request, now: float) -> None:
         self._end(request, now, None)

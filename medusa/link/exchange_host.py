@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from medusa.errors import MedusaError
+from medusa.errors import HostGap, MedusaError
 from medusa.link.messages import Event
 from medusa.link.request import Request
 
@@ -25,6 +25,9 @@ class ExchangeHost(Protocol):
 
     def lost(self, error: MedusaError) -> None:
         """The device answers no more, or has restarted."""
+
+    def interrupted(self, gap: HostGap) -> None:
+        """The device's watchdog has expired; its motions are withdrawn, the session goes on."""
 
 
 @dataclass

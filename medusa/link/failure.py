@@ -7,6 +7,7 @@ from medusa.errors import (
     CommandError,
     DeviceRestarted,
     DeviceSilent,
+    HostGap,
     MedusaError,
     NoReply,
     ProtocolError,
@@ -47,10 +48,14 @@ class Failures:
             return ProtocolError(text, frame=encode_frame(reply))
         return NoReply(f"{self._asked(request)}: {reason}", frame=request.frame, may_have_acted=gone)
 
-    def withdrawn(self, request: Request, gone: bool) -> Withdrawn:
-        """Return the error for one that gave way to a stop."""
-        text = f"{self._asked(request)}: withdrawn for a stop"
+    def withdrawn(self, request: Request, gone: bool, reason: str) -> Withdrawn:
+        """Return the error for one that gave way to a stop, or that a gap ended."""
+        text = f"{self._asked(request)}: withdrawn {reason}"
         return Withdrawn(text, frame=request.frame, may_have_acted=gone)
+
+    def after_gap(self, gap: HostGap) -> HostGap:
+        """Return the error for a motion that is asked for after a gap and before a HELLO."""
+        return HostGap(gap.device, gap.gap, gap.watchdog)
 
     def silent(self, request: Request, reason: str) -> DeviceSilent:
         """Return the error for one to a device that does not answer."""

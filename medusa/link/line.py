@@ -4,11 +4,13 @@ import asyncio
 import logging
 import os
 import random
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
 from medusa.errors import MedusaError, NoReply, PortError
+from medusa.link.contact import seconds_suspended
 from medusa.link.frame import (
     ACKNOWLEDGEMENT,
     EVENT,
@@ -48,15 +50,20 @@ class Line:
         name: str = "line",
         reply_timeout: float = 0.1,
         seed: int | None = None,
+        suspended: Callable[[], float] = seconds_suspended,
     ) -> None:
-        """Describe the line; `seed` makes the HELLO nonces repeatable, which only a simulation may want."""
+        """Describe the line; `seed` makes the HELLO nonces repeatable, which only a simulation may want.
+
+        `suspended`: for how long the host has been suspended so far, s.
+        """
         self.path = path
         self.name = name
         self.reply_timeout = reply_timeout
+        self.suspended = suspended
         self.closed_because = "not open"
         self.decoder = Decoder()
         self._sessions: dict[int, Session] = {}
-        self._port = Port(path, baud, self._received, self._vanished)
+        self._port = Port(path, baud, self._received, self._vanished, self._look)
         self._trace = trace
         self._seeded = None if seed is None else random.Random(seed)
         self._broadcasts = 0
@@ -126,7 +133,11 @@ class Line:
             raise NoReply(f"emergency stop sent, but not confirmed by {', '.join(unconfirmed)}")
 
     def ping_all(self) -> bool:
-        """Feed every watchdog with a broadcast PING; withheld (False) while any device is silent."""
+        """Feed every watchdog with a broadcast PING; withheld (False) while any device is silent.
+
+        Nobody answers it: a device from which nothing else is heard for its watchdog's time counts as not fed.
+        """
+        self._look()
         if not self.is_open or any(session.is_silent for session in self._sessions.values()):
             return False
         self._broadcast(PING)
@@ -166,6 +177,10 @@ class Line:
             reply.resume_soon()
         else:
             self._woken.append(reply)
+
+    def _look(self) -> None:
+        for session in self._sessions.values():
+            session.look()
 
     def _received(self, data: bytes) -> None:
         woken: list[ReplyFuture] = []

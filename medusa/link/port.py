@@ -33,12 +33,19 @@ class Port:
     """An open descriptor with a queue of frames before it."""
 
     def __init__(
-        self, path: str, baud: int, received: Callable[[bytes], None], lost: Callable[[str], None]
+        self,
+        path: str,
+        baud: int,
+        received: Callable[[bytes], None],
+        lost: Callable[[str], None],
+        leaving: Callable[[], None] = lambda: None,
     ) -> None:
+        """Describe the port; `leaving` is called before frames leave that have waited, and may dequeue them."""
         self.path = path
         self.baud = baud
         self._received = received
         self._lost = lost
+        self._leaving = leaving
         self._serial: serial.Serial | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._fd = -1
@@ -139,6 +146,7 @@ class Port:
         self._loop.add_writer(self._fd, self._writable)
 
     def _writable(self) -> None:
+        self._leaving()
         while self._begun or self._backlog:
             frame = self._begun or self._backlog[0]
             try:

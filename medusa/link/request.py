@@ -19,6 +19,7 @@ class Request:
     sendings: int = 0
     order: int = 0
     due: float = 0.0
+    first_sent: float = 0.0
     final: bool = False
     damaged: Message | None = None
     times_damaged: int = 0

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
-from medusa.errors import CommandError, DeviceRestarted, MedusaError, PortError
+from medusa.errors import CommandError, DeviceRestarted, HostGap, MedusaError, PortError
+from medusa.link.contact import Contact
 from medusa.link.exchange import NEVER, Exchange, State
 from medusa.link.exchange_host import Counters
 from medusa.link.frame import MAX_PAYLOAD, Message
@@ -57,7 +58,7 @@ class Session:
         self.wanted = False
         self.send = line.write
         self.dequeue = line.dequeue
-        self._exchange = Exchange(address, self)
+        self._exchange = Exchange(address, self, Contact(f"device {address:02X}H", line.suspended))
         self._loop: asyncio.AbstractEventLoop | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due = NEVER
@@ -67,6 +68,7 @@ class Session:
         self._subscribers: list[Callable[[Event], None]] = []
         self._restart_watchers: list[Callable[[MedusaError], None]] = []
         self._loss_watchers: list[Callable[[MedusaError], None]] = []
+        self._gap_watchers: list[Callable[[HostGap], None]] = []
         self._streams: list[EventStream] = []
 
     @property
@@ -83,6 +85,11 @@ class Session:
     def is_silent(self) -> bool:
         """Whether the device answered nothing for a second and no HELLO since."""
         return self._exchange.is_silent
+
+    @property
+    def unfed(self) -> float:
+        """For how long nothing that was answered has been sent, s; infinity before the watchdog was first on."""
+        return self._exchange.contact.unfed(self._time())
 
     async def open(self) -> Hello:
         """Open a new session with HELLO, after which the machine is at rest, mask and watchdog are off.
@@ -134,7 +141,7 @@ class Session:
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
         Raises CommandError (the device refused: `status`), NoReply (also Withdrawn, DeviceSilent), PortError,
-        DeviceRestarted (answered "no HELLO since power-up"). Cancelling is safe.
+        DeviceRestarted (answered "no HELLO since power-up"), HostGap (a motion after one). Cancelling is safe.
         """
         line = self.line
         if isinstance(operation, int):
@@ -143,7 +150,7 @@ class Session:
             operation = self._operation(operation, reads, moves, stops, stops if urgent is None else urgent)
         if not line.is_open:
             raise PortError(line.path, line.closed_because)
-        if operation.moves and not self.may_move:
+        if operation.moves and not self.may_move and self._exchange.contact.gap is None:
             raise CommandError(
                 f"device {self.address:02X}H, {operation.name}: the session was lost or never opened; no "
                 "motion before open()",
@@ -195,6 +202,11 @@ class Session:
     def on_lost(self, callback: Callable[[MedusaError], None]) -> Callable[[], None]:
         """Call back with PortError, DeviceSilent or DeviceRestarted when the session is lost."""
         return _enlist(self._loss_watchers, callback)
+
+    def on_gap(self, callback: Callable[[HostGap], None]) -> Callable[[], None]:
+        """Call back when the device's watchdog has expired, as far as the host can know: motion is over, the
+        session goes on, and only `open()` allows motion again."""
+        return _enlist(self._gap_watchers, callback)
 
     async def ping(self) -> int:
         """Return the device's time, µs since its power-up."""
@@ -255,6 +267,10 @@ class Session:
         if exchange.due < self._timer_due:
             self._arm()
 
+    def look(self) -> None:
+        """Notice a gap before something leaves that is not a request of this session."""
+        self._exchange.look(self._time())
+
     def withdraw_motion(self) -> None:
         """Withdraw every unanswered motion: a broadcast stop goes out."""
         self._exchange.withdraw(self._time())
@@ -286,6 +302,12 @@ class Session:
         self.may_move = False
         _notify(self._loss_watchers, error)
         self.line.recover()
+
+    def interrupted(self, gap: HostGap) -> None:
+        """The device's watchdog has expired: no motion before `open()`."""
+        log.warning("%s", gap)
+        self.may_move = False
+        _notify(self._gap_watchers, gap)
 
     def _operation(self, code: int, reads: bool, moves: bool, stops: bool, urgent: bool) -> Operation:
         """Return the row for a number that is asked for by keywords; the shared operations have theirs."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from medusa.errors import MedusaError
+from medusa.errors import HostGap, MedusaError
+from medusa.link.contact import Contact
 from medusa.link.exchange import Exchange, State
 from medusa.link.frame import Decoder, Message
 from medusa.link.messages import OPERATIONS, Event
@@ -113,10 +114,13 @@ class Desk:
     events: list[Event] = field(default_factory=list)
     losses: list[MedusaError] = field(default_factory=list)
     stuck: set[bytes] = field(default_factory=set)
+    gaps: list[HostGap] = field(default_factory=list)
+    frames_at_gap: int = 0
     now: float = 0.0
+    suspended: float = 0.0
 
     def __post_init__(self) -> None:
-        self.exchange = Exchange(1, self)
+        self.exchange = Exchange(1, self, Contact("device 01H", lambda: self.suspended))
 
     def send(self, frame: bytes) -> None:
         self.frames.append(frame)
@@ -136,6 +140,10 @@ class Desk:
 
     def lost(self, error: MedusaError) -> None:
         self.losses.append(error)
+
+    def interrupted(self, gap: HostGap) -> None:
+        self.gaps.append(gap)
+        self.frames_at_gap = len(self.frames)
 
     def operation(self, code: int, **does: bool) -> Operation:
         name = {0x19: "MOVE", 0x31: "READ"}.get(code, f"operation {code:02X}H")
