@@ -222,7 +222,7 @@ class Drive(ABC):
 
     @abstractmethod
     async def set_rates(self, rates: Mapping[str, float]) -> dict[str, float]:
-        """Command rates (rad/s); those taken after rounding. One that rounds to the present rate sends nothing.
+        """Command rates (rad/s); those taken after rounding. One that is in force already may send nothing.
 
         CommandError for a joint that is idle, or a rate that the machine cannot do.
         """

@@ -5,7 +5,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Collection, Mapping
 
-from medusa.errors import DeviceFault, MedusaError
+from medusa.errors import DeviceFault, DeviceSilent, MedusaError, NoReply
 from medusa.head.drive import Drive, JointState
 from medusa.head.faults import Cause
 
@@ -17,6 +17,8 @@ READ_BACK_SECONDS = 0.025
 """Between two readings that are compared: a dozen samples of the slowest sample timer."""
 MARGIN_SECONDS = 1.5
 """On top of the ramp: the link's repeats, and the coasting of a joint whose amplifier a fault switched off."""
+
+STOP_ATTEMPTS = 3
 
 Condition = Callable[[JointState], bool]
 Names = Collection[str]
@@ -54,7 +56,17 @@ class Stopping:
         log.info("stopped, confirmed")
 
     async def _stop_unit(self, names: Names) -> None:
-        await self._drive.stop(names)
+        for left in reversed(range(STOP_ATTEMPTS)):
+            try:
+                await self._drive.stop(names)
+                break
+            except DeviceSilent:
+                raise
+            except NoReply as error:
+                # Unlike a motion, a stop may be sent as often as needed.
+                if not left:
+                    raise
+                log.warning("stop: %s", error)
         await self.confirm(names, is_stopped)
 
     async def emergency_stop(self) -> None:

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from medusa.errors import DeviceRestarted, MedusaError
+from medusa.errors import DeviceRestarted, HostGap, MedusaError
 from medusa.head.faults import Cause, Fault
 from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import Board, BoardEvent, Inputs, Operation
@@ -105,6 +105,11 @@ class FaultReports:
                 self._axes[name].homed = False
             self.report(Fault(cause, joints, f"{what}: {error}", asyncio.get_running_loop().time()))
 
+        def on_gap(gap: HostGap) -> None:
+            for name in joints:
+                self._axes[name].stopping()
+            self.report(Fault(Cause.WATCHDOG, joints, str(gap), asyncio.get_running_loop().time()))
+
         def on_restart(error: MedusaError) -> None:
             for name in joints:
                 self._axes[name].homed = False
@@ -114,4 +119,5 @@ class FaultReports:
             board.subscribe(on_event),
             board.session.on_lost(on_lost),
             board.session.on_restart(on_restart),
+            board.session.on_gap(on_gap),
         ]

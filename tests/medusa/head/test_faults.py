@@ -170,8 +170,10 @@ async def test_a_host_that_is_not_heard_in_time(sim: SimulatedHead, head: JointG
 
 
 async def test_a_silent_line(sim: SimulatedHead, head: JointGroup) -> None:
-    ended, _ = await fail(sim, head, "wire.stall", line="mc3000", seconds=4.0)
-    assert ended.report.cause is Cause.LOST
+    ended, faults = await fail(sim, head, "wire.stall", line="mc3000", seconds=4.0)
+    # After 0.4 s unanswered the boards' watchdogs have expired; after a second nothing is expected to answer any more.
+    assert ended.report.cause is Cause.WATCHDOG
+    assert {fault.cause for fault in faults} == {Cause.WATCHDOG, Cause.LOST}
     assert_standing(sim, idle=ALL)
     await asyncio.sleep(6.0)
     await head.clear()
