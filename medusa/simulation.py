@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from medusa.errors import CommandError
 from medusa.kinematics import HeadGeometry
-from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config import Mc3000Config
 from medusa.mc3000.simulated_config import simulated_config
 
 if TYPE_CHECKING:
@@ -40,14 +40,14 @@ class SimulatedHead:
 
     boards: str
     amps: str
-    config: HeadConfig
+    config: Mc3000Config
     machine: HeadMachine
     bench: Bench
     seed: int | None
     world: StereoWorld | None = None
 
     def open(
-        self, config: HeadConfig | None = None, trace: Trace | None = None
+        self, config: Mc3000Config | None = None, trace: Trace | None = None
     ) -> AbstractAsyncContextManager[JointGroup]:
         """Connect to it as to a real one; the same seed gives the same bytes."""
         from medusa.machines import open_head

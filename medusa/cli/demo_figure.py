@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from medusa.mc3000.board import Inputs, Mode
+from medusa.mc3000.board import AxisSnapshot, Inputs
 
 if TYPE_CHECKING:
     from medusa.head.drive import JointState, Reading
@@ -18,30 +18,30 @@ STATES = (
 
 
 def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], path: Path) -> None:
-    """Write the picture; raises OSError when it cannot be written."""
+    """Write the picture, with what the chips show where there are any; raises OSError when it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 8), layout="constrained")
+    has_chips = all(isinstance(joint.device, AxisSnapshot) for joint in film[0].joints.values())
+    heights = (4.0, 2.0, 1.6) if has_chips else (4.0,)
+    figure = Figure(figsize=(11, 2.6 + sum(heights) * 0.71), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle("medusa-ctl demo: home, look around, park", fontsize=13, x=0.01, ha="left")
-    axes: Any = figure.subplots(3, 1, sharex=True, height_ratios=(4, 2, 1.6))
+    axes: Any = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     times = [reading.time for reading in film]
     for name, colour in COLOURS.items():
         joints = [reading.joints[name] for reading in film]
         label = name.replace("_", " ")
         axes[0].plot(times, [math.degrees(j.angle) for j in joints], color=colour, lw=1.8, label=label)
         axes[0].plot(times, [_commanded_deg(j) for j in joints], color="#222222", lw=0.8, ls=(0, (2, 2)))
-        axes[1].step(times, [j.device.motor_command for j in joints], color=colour, lw=1.1, where="post")
     axes[0].plot([], [], color="#222222", lw=0.8, ls=(0, (2, 2)), label="commanded")
     _mark(axes, marks)
     axes[0].set_ylabel("joint angle [°]")
     axes[0].legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.06), frameon=False, borderaxespad=0.0)
-    axes[1].set_ylabel("motor command\n[DAC counts]")
-    axes[1].set_ylim(-135, 135)
-    axes[1].set_yticks([-128, -64, 0, 64, 127])
-    _draw_states(axes[2], film, times)
-    axes[2].set_xlabel("time since the head was connected [s]")
+    if has_chips:
+        _draw_commands(axes[1], film, times)
+        _draw_states(axes[2], film, times)
+    axes[-1].set_xlabel("time since the head was connected [s]")
     axes[0].set_xlim(times[0], times[-1])
     for each in axes:
         each.set_axisbelow(True)
@@ -50,9 +50,18 @@ def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], pat
     figure.savefig(path, dpi=130)
 
 
+def _draw_commands(axes: Any, film: "Sequence[Reading]", times: Sequence[float]) -> None:
+    for name, colour in COLOURS.items():
+        commands = [reading.joints[name].device.motor_command for reading in film]
+        axes.step(times, commands, color=colour, lw=1.1, where="post")
+    axes.set_ylabel("motor command\n[DAC counts]")
+    axes.set_ylim(-135, 135)
+    axes.set_yticks([-128, -64, 0, 64, 127])
+
+
 def _commanded_deg(joint: "JointState") -> float:
     """The command position while something holds to it; an idle chip's is a leftover."""
-    return math.nan if joint.device.mode is Mode.IDLE else math.degrees(joint.commanded)
+    return math.degrees(joint.commanded) if joint.enabled else math.nan
 
 
 def _mark(axes: Any, marks: Sequence[tuple[str, float]]) -> None:

@@ -64,17 +64,14 @@ def home(
             for name in axes or ():
                 _known(head, name)
             results = await head.home(axes or None)
-        rows = [
-            {
-                "axis": name,
-                "latched_counts": r.latched_counts,
-                "coarse_error_counts": r.coarse_error_counts,
-                "angle_deg": round(math.degrees(r.angle), 4),
-                "error_counts": r.error_counts,
-                "seconds": round(r.seconds, 3),
-            }
-            for name, r in results.items()
-        ]
+        rows = []
+        for name, homed in results.items():
+            details = dict(homed.details)
+            error = {"error_counts": details.pop("error_counts")} if "error_counts" in details else {}
+            angle = round(math.degrees(homed.angle), 4)
+            rows.append(
+                {"axis": name, **details, "angle_deg": angle, **error, "seconds": round(homed.seconds, 3)}
+            )
         options.show({"homed": rows}, lambda: print_table("homed", rows))
 
     options.run(body)
@@ -192,27 +189,22 @@ def estop(context: typer.Context) -> None:
 
 async def _latch_unanswered(options: Options) -> None:
     """Send the emergency stop before any handshake: boards that do not answer may still receive."""
-    from medusa.errors import ConfigError, NoReply
-    from medusa.link import Line
+    from medusa.errors import ConfigError
+    from medusa.mc3000.config import Mc3000Config
+    from medusa.mc3000.emergency_stop import send_emergency_stop
 
     try:
         config = options.head_config()
     except ConfigError as error:
         if options.boards is not None and not options.sim:
-            async with Line(options.boards) as line:
-                await line.emergency_stop()
+            await send_emergency_stop(options.boards, None)
             error.add_note(f"the emergency stop went out to all of {options.boards}, and cannot be confirmed")
         raise
-    path = options.boards or (config.ports.boards if config is not None else None)
-    if options.sim or config is None or path is None:
+    if options.sim or not isinstance(config, Mc3000Config):
         return
-    async with Line(path, baud=config.ports.baud) as line:
-        for address in config.board_addresses:
-            line.session(address)
-        try:
-            await line.emergency_stop()
-        except NoReply as error:
-            options.progress(str(error))
+    path = options.boards or config.ports.boards
+    if path is not None:
+        await send_emergency_stop(path, config)
 
 
 def _stop_and_confirm(

@@ -10,7 +10,7 @@ from medusa.console import Console
 
 if TYPE_CHECKING:
     from medusa.head.joint_group import JointGroup
-    from medusa.mc3000.config import HeadConfig
+    from medusa.machines import HeadConfig
     from medusa.simulation import SimulatedHead
 
 T = TypeVar("T")
@@ -67,8 +67,9 @@ class Options(Console):
         homed first, and that is said. A real one is never homed behind one's back. Raises CommandError then.
         Without `amplifiers` a real head's are left alone: neither their port nor their answers are needed.
         """
-        from medusa.errors import CommandError, NoReply
+        from medusa.errors import CommandError
         from medusa.machines import open_head
+        from medusa.mc3000.config import Mc3000Config
 
         if self.sim and (self.boards or self.amps):
             raise CommandError("--sim brings its own ports: leave --boards and --amps out")
@@ -82,17 +83,14 @@ class Options(Console):
                 from medusa.simulation import simulated_head
 
                 simulated = await stack.enter_async_context(simulated_head(self.seed, world=world))
+                if not isinstance(config, Mc3000Config | None):
+                    raise CommandError("--sim emulates MC3000 boards; the configuration is for another drive")
                 head = await stack.enter_async_context(simulated.open(config, trace))
             else:
                 if config is None:
                     raise AssertionError("a real head has a configuration")
                 opening = open_head(config, self.boards, self.amps if amplifiers else False, trace=trace)
-                try:
-                    head = await stack.enter_async_context(opening)
-                except NoReply as error:
-                    port = self.boards or config.ports.boards
-                    error.add_note(f"is it on, and is {port} its port, at {config.ports.baud} baud?")
-                    raise
+                head = await stack.enter_async_context(opening)
             if homed and self.sim:
                 self.progress("simulated head, just switched on: homing it first")
                 await head.home()

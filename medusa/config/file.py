@@ -1,7 +1,7 @@
 """Reading and writing the head's configuration file: TOML in, one line of error out, comments kept."""
 
+import tomllib
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,14 @@ from tomlkit.exceptions import TOMLKitError
 from medusa.errors import ConfigError
 from medusa.files.configuration import fill, parse, read_text
 from medusa.files.replace_file import replace_file
-from medusa.mc3000.config import HeadConfig
-from medusa.mc3000.config_limits import check_limits
+from medusa.machines import DEFAULT_DRIVE, MACHINES, HeadConfig
 
 DEFAULT_FILE = "medusa.toml"
 
 
-def template() -> str:
+def template(drive: str = DEFAULT_DRIVE) -> str:
     """The commented configuration that `medusa-ctl init` writes, its hazardous keys empty."""
-    return resources.files("medusa.mc3000").joinpath("head.toml").read_text(encoding="utf-8")
+    return MACHINES[drive].template()
 
 
 def load_config(path: str | Path) -> HeadConfig:
@@ -28,10 +27,24 @@ def load_config(path: str | Path) -> HeadConfig:
 
 
 def parse_config(text: str, file: str, *, recorded: bool = True) -> HeadConfig:
-    """The configuration in a TOML text; `file` is its name in errors and, if `recorded`, in the result."""
-    config = parse(text, HeadConfig, file)
-    check_limits(config, file)
+    """The configuration in a TOML text; `file` is its name in errors and, if `recorded`, in the result.
+
+    Its key `drive` says for which machine it is; a text without one is for MC3000 boards.
+    """
+    machine = MACHINES[_drive_of(text, file)]
+    config: HeadConfig = parse(text, machine.config, file)  # type: ignore[assignment]
+    machine.check(config, file)
     return msgspec.structs.replace(config, file=file) if recorded else config
+
+
+def _drive_of(text: str, file: str) -> str:
+    try:
+        drive = tomllib.loads(text).get("drive", DEFAULT_DRIVE)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(file, "", None, f"is not TOML: {error}") from None
+    if drive not in MACHINES:
+        raise ConfigError(file, "drive", drive, f"one of {', '.join(map(repr, MACHINES))}")
+    return str(drive)
 
 
 def write_keys(path: str | Path, values: Mapping[str, Any]) -> HeadConfig:

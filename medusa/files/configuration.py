@@ -78,6 +78,7 @@ def _explained(message: str, raw: Mapping[str, Any], kind: type, file: str) -> C
     """What msgspec found wrong, in the words of the user's file."""
     found = _WHERE.match(message)
     what, path = (found["what"], found["path"] or "") if found else (message, "")
+    path = _with_names(path, raw, kind)
     field = _FIELD.search(what)
     if field:
         key = f"{path}.{field[2]}" if path else field[2]
@@ -86,6 +87,24 @@ def _explained(message: str, raw: Mapping[str, Any], kind: type, file: str) -> C
         return ConfigError(file, key, _value(raw, key), "no such key is known")
     value = _value(raw, path)
     return ConfigError(file, path, value, _allowed(kind, path) + _unit_hint(kind, path, value))
+
+
+def _with_names(path: str, raw: Mapping[str, Any], kind: type) -> str:
+    """The path with the names of tables that msgspec writes as [...]: of those named freely, the first wrong one."""
+    before, tables, after = path.partition("[...]")
+    found = _type_at(kind, before)
+    if (
+        not tables
+        or not isinstance(found, inspect.DictType)
+        or not isinstance(found.value_type, inspect.StructType)
+    ):
+        return path
+    for name, table in _value(raw, before).items():
+        try:
+            msgspec.convert(table, found.value_type.cls)
+        except msgspec.ValidationError:
+            return f"{before}.{name}{after}"
+    return path
 
 
 def _parts(path: str) -> list[str]:
@@ -108,6 +127,8 @@ def _type_at(kind: type, path: str) -> inspect.Type | None:
     for part in _parts(path):
         if isinstance(found, inspect.StructType):
             found = next((field.type for field in found.fields if field.name == part), None)
+        elif isinstance(found, inspect.DictType):
+            found = found.value_type
         elif isinstance(found, inspect.CollectionType):
             found = found.item_type
         else:

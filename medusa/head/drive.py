@@ -136,6 +136,20 @@ class MoveEnds:
     repeated: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Homed:
+    """One joint whose angle has become known: where it is now, rad, and how long that took, s."""
+
+    axis: str
+    angle: float
+    seconds: float
+
+    @property
+    def details(self) -> dict[str, Any]:
+        """What only this machine has, for documents."""
+        return {}
+
+
 class Mover(Protocol):
     """What homing needs of the joint group: a confirmed move, and the machine at rest after a fault."""
 
@@ -192,8 +206,8 @@ class Drive(ABC):
         """
 
     @abstractmethod
-    async def home(self, names: Collection[str], mover: Mover) -> Mapping[str, Any]:
-        """Make angles known, in the machine's own way; by joint what there is to report of it."""
+    async def home(self, names: Collection[str], mover: Mover) -> Mapping[str, Homed]:
+        """Make the angles of joints known, in the machine's own way."""
 
     @abstractmethod
     def plan(

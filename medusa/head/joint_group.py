@@ -6,11 +6,11 @@ import math
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 from medusa.completion import run_to_completion
 from medusa.errors import CommandError, MedusaError
-from medusa.head.drive import Capabilities, Drive, JointTraits, Reading, Speeds
+from medusa.head.drive import Capabilities, Drive, Homed, JointTraits, Reading, Speeds
 from medusa.head.fault_reaction import FaultReaction
 from medusa.head.faults import Cause, Fault
 from medusa.head.moves import MoveReport, Moves
@@ -104,8 +104,8 @@ class JointGroup:
             await self.stop()
         await self.drive.disable(wanted)
 
-    async def home(self, names: Iterable[str] | None = None) -> Mapping[str, Any]:
-        """Make the angles of joints (default: all) known, in the machine's own way; what the drive reports of it."""
+    async def home(self, names: Iterable[str] | None = None) -> Mapping[str, Homed]:
+        """Make the angles of joints (default: all) known, in the machine's own way."""
         return await self.drive.home(self._known(names), self)
 
     async def read(self) -> Reading:

@@ -11,10 +11,10 @@ import logging
 from abc import abstractmethod
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from medusa.errors import CommandError, DeviceFault, MedusaError
-from medusa.head.drive import Drive, JointState, MoveEnds, MovePlan, Mover, Reading, Speeds
+from medusa.head.drive import Drive, Homed, JointState, MoveEnds, MovePlan, Mover, Reading, Speeds
 from medusa.head.faults import Cause, Fault
 from medusa.head.stopping import Stopping
 from medusa.head.trapezoid import profile
@@ -136,10 +136,11 @@ class PolledDrive(Drive):
         """Feed no longer."""
         await self._end_keeping()
 
-    async def home(self, names: Collection[str], mover: Mover) -> Mapping[str, Any]:
+    async def home(self, names: Collection[str], mover: Mover) -> Mapping[str, Homed]:
         """Angles are known from the start: there is nothing to search."""
         await self.enable([name for name in names if name not in self._enabled])
-        return {name: {} for name in names}
+        joints = (await self.read()).joints
+        return {name: Homed(name, joints[name].angle, 0.0) for name in names}
 
     def plan(
         self,

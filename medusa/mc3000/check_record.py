@@ -7,7 +7,7 @@ from typing import Self
 
 from medusa.errors import ConfigError
 from medusa.files.replace_file import replace_file
-from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config import Mc3000Config
 from medusa.mc3000.homing.mark import axis_digest
 
 
@@ -23,7 +23,7 @@ class CheckRecord:
         self._digests = dict(digests)
 
     @classmethod
-    def of(cls, config: HeadConfig, port: str) -> Self:
+    def of(cls, config: Mc3000Config, port: str) -> Self:
         """The record beside the configuration's file; a configuration made in the program has none."""
         if config.file is None:
             return cls(None, port, {})
@@ -38,21 +38,21 @@ class CheckRecord:
             raise ConfigError(str(path), "", None, "the record of checks is not a JSON object")
         return cls(path, port, {str(name): str(digest) for name, digest in stored.items()})
 
-    def holds(self, name: str, config: HeadConfig) -> bool:
+    def holds(self, name: str, config: Mc3000Config) -> bool:
         """True when the joint was checked on this port with exactly this configuration.
 
         A head described by no file is the simulated one: its wiring is known and cannot have changed.
         """
         return self._path is None or self._digests.get(self._key(name)) == axis_digest(
-            name, config.axis(name)
+            name, config.axes[name]
         )
 
     def _key(self, name: str) -> str:
         return f"{name} on {self._port}"
 
-    def add(self, name: str, config: HeadConfig) -> None:
+    def add(self, name: str, config: Mc3000Config) -> None:
         """Record that the joint passed; the file is replaced whole or not at all."""
         if self._path is None:
             return
-        self._digests[self._key(name)] = axis_digest(name, config.axis(name))
+        self._digests[self._key(name)] = axis_digest(name, config.axes[name])
         replace_file(self._path, json.dumps(self._digests, indent=1, sort_keys=True) + "\n")

@@ -1,19 +1,17 @@
-"""The head's configuration: typed, range-checked, degrees in the keys and radians in the properties.
+"""The configuration of a head on MC3000 boards: typed, range-checked, degrees in keys and radians in properties.
 
-Every key is required: nothing that can hurt people or the machine has a default. `config_file` reads and
+Every key is required: nothing that can hurt people or the machine has a default. `medusa.config` reads and
 writes the TOML; `head.toml` beside it explains each key.
 """
 
 import math
+from importlib import resources
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
 from medusa.mc3000.board import Filter, Mode
-
-AXIS_NAMES = ("pan", "tilt", "left_vergence", "right_vergence")
-AxisName = Literal["pan", "tilt", "left_vergence", "right_vergence"]
 
 CHIP_CLOCK_HZ = 2_000_000
 """Clock of the HCTL-1100 on the board; the HELLO of each board is compared with it."""
@@ -148,52 +146,41 @@ class SafetyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class HomingConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Groups of axes in the order in which they home; the axes of one group home together."""
+    """Groups of joints in the order in which they home; the joints of one group home together."""
 
-    order: tuple[tuple[AxisName, ...], ...]
-
-
-class AxesConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The four joints of the head."""
-
-    pan: AxisConfig
-    tilt: AxisConfig
-    left_vergence: AxisConfig
-    right_vergence: AxisConfig
+    order: tuple[tuple[str, ...], ...]
 
 
-class HeadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A whole head. `file` is where it was read, None for one made in the program (the simulated head's)."""
+class Mc3000Config(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="drive", tag="mc3000"
+):
+    """A head on MC3000 boards: `axes` has its joints by name, in the order of the file.
+
+    `file` is where it was read, None for one made in the program (the simulated head's).
+    """
 
     ports: PortsConfig
     safety: SafetyConfig
     homing: HomingConfig
-    axes: AxesConfig
+    axes: dict[str, AxisConfig]
     file: str | None = None
-
-    @property
-    def joints(self) -> dict[str, AxisConfig]:
-        """The joints by name."""
-        return {name: self.axis(name) for name in AXIS_NAMES}
-
-    def axis(self, name: str) -> AxisConfig:
-        """The configuration of the joint of that name; KeyError when the head has no such joint."""
-        if name not in AXIS_NAMES:
-            raise KeyError(name)
-        axis: AxisConfig = getattr(self.axes, name)
-        return axis
 
     @property
     def board_addresses(self) -> tuple[int, ...]:
         """Addresses of the boards that carry a joint, ascending."""
-        return tuple(sorted({self.axis(name).board for name in AXIS_NAMES}))
+        return tuple(sorted({axis.board for axis in self.axes.values()}))
 
     @property
     def ramp_seconds(self) -> float:
         """The longest programmed deceleration of any joint, from its greatest speed, s."""
-        return max(self.axis(name).max_speed / self.axis(name).acceleration for name in AXIS_NAMES)
+        return max(axis.max_speed / axis.acceleration for axis in self.axes.values())
 
-    def with_axis(self, name: str, **changes: object) -> "HeadConfig":
+    def with_axis(self, name: str, **changes: object) -> "Mc3000Config":
         """A copy in which one joint differs, not range-checked: for experiments."""
-        axis = msgspec.structs.replace(self.axis(name), **changes)
-        return msgspec.structs.replace(self, axes=msgspec.structs.replace(self.axes, **{name: axis}))
+        axis = msgspec.structs.replace(self.axes[name], **changes)
+        return msgspec.structs.replace(self, axes={**self.axes, name: axis})
+
+
+def template() -> str:
+    """The commented configuration of a head on MC3000 boards, its hazardous keys empty."""
+    return resources.files("medusa.mc3000").joinpath("head.toml").read_text(encoding="utf-8")

@@ -1,32 +1,38 @@
 """What keys of the configuration demand of each other, and what the chip can do with them."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 
 from medusa.errors import CommandError, ConfigError
 from medusa.mc3000.board import make_profile
-from medusa.mc3000.config import AXIS_NAMES, CHIP_CLOCK_HZ, AxisConfig, HeadConfig
+from medusa.mc3000.config import CHIP_CLOCK_HZ, AxisConfig, Mc3000Config
 
+JOINT_NAME = re.compile("[a-z][a-z0-9_]*")
 PROFILE_TIMER_MIN = 15
 MAX_FOLLOWING_COUNTS = 65535
 
 Wrong = tuple[str, object, str]
 
 
-def check_limits(config: HeadConfig, file: str) -> None:
+def check_limits(config: Mc3000Config, file: str) -> None:
     """Raise ConfigError for the first key that does not go with the others."""
     for key, value, allowed in _wrong(config):
         raise ConfigError(file, key, value, allowed)
 
 
-def _wrong(config: HeadConfig) -> Iterator[Wrong]:
-    for name in AXIS_NAMES:
-        for key, value, allowed in _wrong_axis(config.axis(name)):
+def _wrong(config: Mc3000Config) -> Iterator[Wrong]:
+    if not config.axes:
+        yield "axes", {}, "at least one table [axes.NAME]"
+    for name, axis in config.axes.items():
+        if not JOINT_NAME.fullmatch(name):
+            yield f"axes.{name}", name, "a joint's name is of lower-case letters, digits and underscores"
+        for key, value, allowed in _wrong_axis(axis):
             yield f"axes.{name}.{key}", value, allowed
     yield from _wrong_wiring(config)
     named = [name for group in config.homing.order for name in group]
-    if Counter(named) != Counter(AXIS_NAMES):
-        yield "homing.order", named, f"every one of {', '.join(AXIS_NAMES)} exactly once"
+    if Counter(named) != Counter(list(config.axes)):
+        yield "homing.order", named, f"every one of {', '.join(config.axes)} exactly once"
     least = config.safety.board_watchdog_ms + 1000 * config.ramp_seconds
     amplifier = config.safety.amplifier_watchdog_ms
     if 0 < amplifier <= least:
@@ -72,12 +78,11 @@ def _wrong_axis(axis: AxisConfig) -> Iterator[Wrong]:
                 yield wrong, getattr(axis, wrong), str(error)
 
 
-def _wrong_wiring(config: HeadConfig) -> Iterator[Wrong]:
+def _wrong_wiring(config: Mc3000Config) -> Iterator[Wrong]:
     channels: dict[tuple[int, int], str] = {}
     amplifiers: dict[int, str] = {}
     timers: dict[int, tuple[str, int]] = {}
-    for name in AXIS_NAMES:
-        axis = config.axis(name)
+    for name, axis in config.axes.items():
         taken = channels.setdefault((axis.board, axis.channel), name)
         if taken != name:
             yield f"axes.{name}.channel", axis.channel, f"not that of {taken} on board {axis.board}"

@@ -7,7 +7,7 @@ from contextlib import AsyncExitStack
 from typing import Any, Literal
 
 from medusa.completion import run_to_completion
-from medusa.errors import CommandError, DeviceFault, MedusaError, ProtocolError
+from medusa.errors import CommandError, DeviceFault, MedusaError, NoReply, ProtocolError
 from medusa.head.drive import (
     Drive,
     MoveEnds,
@@ -24,7 +24,7 @@ from medusa.mc3000.amplifiers import Amplifiers
 from medusa.mc3000.arrivals import Arrivals
 from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import Board, Mode, WatchdogAction
-from medusa.mc3000.config import CHIP_CLOCK_HZ, HeadConfig
+from medusa.mc3000.config import CHIP_CLOCK_HZ, Mc3000Config
 from medusa.mc3000.fault_reports import VOIDS_HOMING, FaultReports
 from medusa.mc3000.feeding import Feeding
 from medusa.mc3000.homing.homing import HomingResult, home_joints
@@ -53,7 +53,7 @@ class Mc3000Drive(Drive):
 
     def __init__(
         self,
-        config: HeadConfig,
+        config: Mc3000Config,
         boards: str | None = None,
         amps: str | Literal[False] | None = None,
         *,
@@ -74,11 +74,11 @@ class Mc3000Drive(Drive):
         self.boards = {
             address: Board(self.line.session(address), baud=baud) for address in config.board_addresses
         }
-        self.axes = {name: Axis(name, axis, self.boards[axis.board]) for name, axis in config.joints.items()}
+        self.axes = {name: Axis(name, axis, self.boards[axis.board]) for name, axis in config.axes.items()}
         self.amplifiers: dict[str, Amplifier] = {}
         if self._amplifier_line is not None:
             self.amplifiers = {
-                name: self._amplifier_line.amplifier(axis.amplifier) for name, axis in config.joints.items()
+                name: self._amplifier_line.amplifier(axis.amplifier) for name, axis in config.axes.items()
             }
         self.traits = {name: traits_of(axis) for name, axis in self.axes.items()}
         self.units = tuple(
@@ -112,7 +112,11 @@ class Mc3000Drive(Drive):
         await self._open.enter_async_context(self.line)
         if self._amplifier_line is not None:
             await self._open.enter_async_context(self._amplifier_line)
-        await asyncio.gather(*(board.open() for board in self.boards.values()))
+        try:
+            await asyncio.gather(*(board.open() for board in self.boards.values()))
+        except NoReply as error:
+            error.add_note(f"is it on, and is {self.line.path} its port, at {self.config.ports.baud} baud?")
+            raise
         for address, board in self.boards.items():
             if board.clock_hz != CHIP_CLOCK_HZ:
                 raise ProtocolError(

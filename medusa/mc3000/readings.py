@@ -6,7 +6,7 @@ from medusa.head.drive import Capabilities, JointState, JointTraits
 from medusa.head.faults import Cause
 from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import AxisSnapshot, Flags, Inputs, Mode
-from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config import Mc3000Config
 from medusa.mc3000.joint import VELOCITY_MODES
 
 LATCHES = {
@@ -16,9 +16,9 @@ LATCHES = {
 }
 
 
-def capabilities(config: HeadConfig) -> Capabilities:
+def capabilities(config: Mc3000Config) -> Capabilities:
     """What MC3000 boards can do with this configuration."""
-    slowest = max(axis.filters.position.sample_period for axis in config.joints.values())
+    slowest = max(axis.filters.position.sample_period for axis in config.axes.values())
     return Capabilities(
         # Each board has its own clock's phase and its own START frame.
         start_skew=2 * slowest,

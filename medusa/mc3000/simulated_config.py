@@ -7,9 +7,9 @@ speeds: thesis, tables 6.1 and 6.3; filters: the registers nearest to thesis (6.
 from functools import cache
 from typing import Any
 
-from medusa.config.file import parse_config, template
-from medusa.files.configuration import fill
-from medusa.mc3000.config import HeadConfig
+from medusa.files.configuration import fill, parse
+from medusa.mc3000.config import Mc3000Config, template
+from medusa.mc3000.config_limits import check_limits
 
 TIMER = 255
 
@@ -91,6 +91,9 @@ def simulated_toml() -> str:
 
 
 @cache
-def simulated_config() -> HeadConfig:
+def simulated_config() -> Mc3000Config:
     """The emulated head's configuration; read from no file, so its joints count as checked."""
-    return parse_config(simulated_toml(), "the simulated head's configuration", recorded=False)
+    name = "the simulated head's configuration"
+    config = parse(simulated_toml(), Mc3000Config, name)
+    check_limits(config, name)
+    return config

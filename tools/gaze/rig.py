@@ -14,7 +14,7 @@ from medusa.gaze.retina import Detector, Retina
 from medusa.gaze.run.loop import Gaze, GazeLoop, LoopSettings, gaze_limits, least_speeds
 from medusa.head.joint_group import JointGroup
 from medusa.kinematics import HeadGeometry, Joints, bearing_of, camera_pose, look_at
-from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config import Mc3000Config
 from medusa.simulation import SimulatedHead, simulated_cameras, simulated_head
 from perception.camera.intrinsics import Intrinsics
 from perception.target import Target, detect_bright_target
@@ -183,7 +183,7 @@ def _geometry(world: StereoWorld) -> HeadGeometry:
 
 @asynccontextmanager
 async def open_rig(
-    seed: int = 0, change: Callable[[HeadConfig], HeadConfig] | None = None
+    seed: int = 0, change: Callable[[Mc3000Config], Mc3000Config] | None = None
 ) -> AsyncIterator[Rig]:
     """An emulated head, enabled and homed, on the running loop."""
     async with simulated_head(seed) as simulation:

@@ -12,7 +12,7 @@ from medusa.gaze.command import Command, Pursue, Sighting
 from medusa.gaze.pid import TABLE_6_4, Gains
 from medusa.gaze.pursuit import JointPursuit
 from medusa.kinematics import HeadGeometry, Joints
-from medusa.mc3000.config import FilterConfig, Filters, HeadConfig
+from medusa.mc3000.config import FilterConfig, Filters, Mc3000Config
 from medusa.servo.position_filter import design_double_pole, nearest_registers
 from medusa.servo.thesis import TILT, VERGENCE
 from perception.target import Target, detect_bright_target
@@ -60,7 +60,7 @@ class AxisTrack:
         return float(np.sqrt(np.mean(error**2)))
 
 
-def with_timer(config: HeadConfig, timer: int) -> HeadConfig:
+def with_timer(config: Mc3000Config, timer: int) -> Mc3000Config:
     """The axes of the left eye's board at one sample period, its filters designed for it; START asks for equal T.
 
     The left vergence gets the thesis's gaze acceleration.
@@ -68,7 +68,7 @@ def with_timer(config: HeadConfig, timer: int) -> HeadConfig:
     for name, joint in (("left_vergence", VERGENCE), ("right_vergence", VERGENCE), ("tilt", TILT)):
         registers = nearest_registers(design_double_pole(joint.plant.at_timer(timer)), timer)
         position = FilterConfig(A=registers.zero, B=registers.pole, K=registers.gain, T=timer)
-        slow = msgspec.structs.replace(config.axis(name).filters.proportional_velocity, T=timer)
+        slow = msgspec.structs.replace(config.axes[name].filters.proportional_velocity, T=timer)
         filters = Filters(position=position, proportional_velocity=slow, integral_velocity=position)
         config = config.with_axis(name, filters=filters)
     return config.with_axis("left_vergence", acceleration_deg_s2=ACCELERATION_DEG_S2)

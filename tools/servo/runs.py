@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import Mode
-from medusa.mc3000.config import FilterConfig, Filters, HeadConfig
+from medusa.mc3000.config import FilterConfig, Filters, Mc3000Config
 from medusa.mc3000.drive import Mc3000Drive
 from medusa.servo.loop import LoopRecord, simulate_position, simulate_proportional_velocity
 from medusa.servo.plant import Plant
@@ -103,11 +103,11 @@ async def homed_head(
 
 
 def with_filters(
-    config: HeadConfig, filters: dict[str, FilterRegisters], limits: dict[str, dict[str, float]]
-) -> HeadConfig:
+    config: Mc3000Config, filters: dict[str, FilterRegisters], limits: dict[str, dict[str, float]]
+) -> Mc3000Config:
     """The configuration with a wide following limit, other position filters and other keys, by axis."""
     for name in AXES:
-        axis = config.axis(name)
+        axis = config.axes[name]
         chosen: dict[str, Any] = {"following_limit_deg": FOLLOWING_DEG, **limits.get(name, {})}
         if name in filters:
             r = filters[name]

@@ -4,10 +4,11 @@ import asyncio
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
+from medusa.head.drive import Homed
 from medusa.mc3000.board import Mode
 from medusa.mc3000.check_record import CheckRecord
 from medusa.mc3000.homing.mark import NO_MARK
@@ -26,19 +27,25 @@ INTERRUPTED_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
-class HomingResult:
+class HomingResult(Homed):
     """One homed joint: the edge's count before the zero was set, how far the coarse search was off, the rest.
 
-    Counts are by the encoder, angles rad, `seconds` the time it took.
+    Counts are by the encoder.
     """
 
-    axis: str
     latched_counts: int
     coarse_error_counts: int
     zero_shift_counts: int
-    angle: float
     error_counts: int
-    seconds: float
+
+    @property
+    def details(self) -> dict[str, Any]:
+        """Counts of the edge, of the coarse search's error and of the error at the end."""
+        return {
+            "latched_counts": self.latched_counts,
+            "coarse_error_counts": self.coarse_error_counts,
+            "error_counts": self.error_counts,
+        }
 
 
 async def home_joints(drive: "Mc3000Drive", names: Iterable[str], mover: "Mover") -> dict[str, HomingResult]:

@@ -28,28 +28,28 @@ def changed(before: str, after: str) -> str:
 def test_the_simulated_head_has_the_scales_of_the_thesis() -> None:
     config = simulated_config()
     # E of thesis (6.7): 18482.5, 31831.0 and 15915.5 counts/rad; the keys carry six digits.
-    assert config.axis("left_vergence").counts_per_radian == pytest.approx(18482.5, rel=1e-6)
-    assert config.axis("tilt").counts_per_radian == pytest.approx(31831.0, rel=1e-6)
-    assert config.axis("pan").counts_per_radian == pytest.approx(15915.5, rel=1e-6)
-    assert [config.axis(name).sign for name in ("left_vergence", "right_vergence")] == [1, -1]
+    assert config.axes["left_vergence"].counts_per_radian == pytest.approx(18482.5, rel=1e-6)
+    assert config.axes["tilt"].counts_per_radian == pytest.approx(31831.0, rel=1e-6)
+    assert config.axes["pan"].counts_per_radian == pytest.approx(15915.5, rel=1e-6)
+    assert [config.axes[name].sign for name in ("left_vergence", "right_vergence")] == [1, -1]
 
 
 def test_the_simulated_head_keeps_two_degrees_from_its_switches() -> None:
     config = simulated_config()
     # Stops at ±100° and ±45°, switches 5° inside, soft limits 2° inside those (docs/protocols, MC3000).
     for name, stop in (("pan", 100), ("tilt", 45), ("left_vergence", 45), ("right_vergence", 45)):
-        assert config.axis(name).soft_limits == pytest.approx(
+        assert config.axes[name].soft_limits == pytest.approx(
             (math.radians(7 - stop), math.radians(stop - 7))
         )
 
 
 def test_the_simulated_filters_are_the_nearest_registers() -> None:
     axes = simulated_config().axes
-    assert axes.pan.filters.of(Mode.POSITION).filter == Filter(197, 0, 7, 255)
-    assert axes.tilt.filters.of(Mode.POSITION).filter == Filter(220, 0, 5, 255)
-    assert axes.left_vergence.filters.of(Mode.INTEGRAL_VELOCITY).filter == Filter(225, 0, 5, 255)
-    assert axes.pan.filters.of(Mode.PROPORTIONAL_VELOCITY).filter.K == 15
-    assert axes.pan.filters.position.sample_period == pytest.approx(2.048e-3)
+    assert axes["pan"].filters.of(Mode.POSITION).filter == Filter(197, 0, 7, 255)
+    assert axes["tilt"].filters.of(Mode.POSITION).filter == Filter(220, 0, 5, 255)
+    assert axes["left_vergence"].filters.of(Mode.INTEGRAL_VELOCITY).filter == Filter(225, 0, 5, 255)
+    assert axes["pan"].filters.of(Mode.PROPORTIONAL_VELOCITY).filter.K == 15
+    assert axes["pan"].filters.position.sample_period == pytest.approx(2.048e-3)
 
 
 def test_the_template_leaves_every_hazardous_key_empty() -> None:
@@ -126,7 +126,7 @@ def test_single_keys_are_written_back_and_comments_kept(tmp_path: Path) -> None:
     path = tmp_path / "head.toml"
     path.write_text(simulated_toml())
     config = write_keys(path, {"axes.tilt.filters.position.K": 4, "axes.tilt.filters.position.A": 221})
-    assert config.axes.tilt.filters.position.filter == Filter(221, 0, 4, 255)
+    assert config.axes["tilt"].filters.position.filter == Filter(221, 0, 4, 255)
     before, after = simulated_toml().splitlines(), path.read_text().splitlines()
     differing = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
     assert len(differing) == 1

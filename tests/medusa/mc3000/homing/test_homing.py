@@ -13,9 +13,9 @@ from medusa.errors import CommandError
 from medusa.head.joint_group import JointGroup
 from medusa.machines import open_head
 from medusa.mc3000.board import Mode
-from medusa.mc3000.config import HeadConfig
+from medusa.mc3000.config import Mc3000Config
 from medusa.mc3000.drive import Mc3000Drive
-from medusa.mc3000.homing.mark import NO_MARK, make_mark
+from medusa.mc3000.homing.mark import NO_MARK, axis_digest, make_mark
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices import head_config
 
@@ -33,7 +33,7 @@ RESTING = {
 }
 
 
-def all_together(config: HeadConfig) -> HeadConfig:
+def all_together(config: Mc3000Config) -> Mc3000Config:
     homing = msgspec.structs.replace(config.homing, order=(tuple(EDGES_DEG),))
     return msgspec.structs.replace(config, homing=homing)
 
@@ -139,7 +139,7 @@ async def homed(sim: SimulatedHead) -> SimulatedHead:
     return sim
 
 
-async def homed_joints(sim: SimulatedHead, config: HeadConfig | None = None) -> set[str]:
+async def homed_joints(sim: SimulatedHead, config: Mc3000Config | None = None) -> set[str]:
     async with sim.open(config) as head:
         return {name for name, axis in Mc3000Drive.of(head).axes.items() if axis.homed}
 
@@ -196,8 +196,8 @@ async def test_the_mark_is_written_last_of_all(sim: SimulatedHead) -> None:
         assert all(mark == NO_MARK for mark, _, _ in marks[:-1])
 
 
-def test_a_mark_depends_on_port_configuration_and_boot_count(sim_config: HeadConfig) -> None:
-    axis = sim_config.axes.pan
+def test_a_mark_depends_on_port_configuration_and_boot_count(sim_config: Mc3000Config) -> None:
+    axis = sim_config.axes["pan"]
     marks = {
         make_mark("/dev/ttyUSB0", "pan", axis, 7),
         make_mark("/dev/ttyUSB1", "pan", axis, 7),
@@ -209,8 +209,20 @@ def test_a_mark_depends_on_port_configuration_and_boot_count(sim_config: HeadCon
     assert all(len(mark) == 4 and mark != NO_MARK for mark in marks)
 
 
+def test_checks_and_marks_made_before_the_configuration_named_its_drive_stay_valid(
+    sim_config: Mc3000Config,
+) -> None:
+    # Made by the program as it was at 368fa64, before `drive` was a key.
+    digest = "7f5fe4a8af63aa72da5c078e0f4d3c0dfc79b8a15449231a05987514db08cb73"
+    assert axis_digest("pan", sim_config.axes["pan"]) == digest
+    assert make_mark("/dev/ttyUSB0", "pan", sim_config.axes["pan"], 7).hex() == "68a6bafa"
+    assert (
+        make_mark("/dev/ttyUSB0", "right_vergence", sim_config.axes["right_vergence"], 7).hex() == "33ae043e"
+    )
+
+
 @pytest.fixture
-def sim_config() -> HeadConfig:
+def sim_config() -> Mc3000Config:
     from medusa.mc3000.simulated_config import simulated_config
 
     return simulated_config()
