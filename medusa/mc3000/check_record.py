@@ -8,7 +8,7 @@ from typing import Self
 from medusa.errors import ConfigError
 from medusa.files.replace_file import replace_file
 from medusa.mc3000.config import Mc3000Config
-from medusa.mc3000.homing.mark import axis_digest
+from medusa.mc3000.mark import axis_digest
 
 
 class CheckRecord:

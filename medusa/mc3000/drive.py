@@ -28,8 +28,8 @@ from medusa.mc3000.config import CHIP_CLOCK_HZ, Mc3000Config
 from medusa.mc3000.fault_reports import VOIDS_HOMING, FaultReports
 from medusa.mc3000.feeding import Feeding
 from medusa.mc3000.homing.homing import HomingResult, home_joints
-from medusa.mc3000.homing.mark import NO_MARK, make_mark, name_of_port
 from medusa.mc3000.joint import VELOCITY_MODES
+from medusa.mc3000.mark import NO_MARK, make_mark, name_of_port
 from medusa.mc3000.planning import plan_move, starts
 from medusa.mc3000.readings import capabilities, details_of, state_of, traits_of
 from medusa.mc3000.stall_watch import StallWatch

@@ -2,22 +2,21 @@
 
 import asyncio
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from medusa.completion import run_to_completion
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply
-from medusa.head.drive import Homed
+from medusa.head.drive import Homed, Mover
+from medusa.head.faults import Fault
+from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import Mode
 from medusa.mc3000.check_record import CheckRecord
-from medusa.mc3000.homing.mark import NO_MARK
+from medusa.mc3000.config import Mc3000Config
+from medusa.mc3000.fault_reports import FaultReports
 from medusa.mc3000.homing.search import HomingError, HomingFailure, HomingSearch
-
-if TYPE_CHECKING:
-    from medusa.head.drive import Mover
-    from medusa.mc3000.axis import Axis
-    from medusa.mc3000.drive import Mc3000Drive
+from medusa.mc3000.mark import NO_MARK
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +47,22 @@ class HomingResult(Homed):
         }
 
 
-async def home_joints(drive: "Mc3000Drive", names: Iterable[str], mover: "Mover") -> dict[str, HomingResult]:
+class HomingDrive(Protocol):
+    """What homing needs of the drive whose joints it homes."""
+
+    config: Mc3000Config
+    port_name: str
+    axes: dict[str, Axis]
+    fault_reports: FaultReports
+
+    async def enable(self, names: Collection[str]) -> None: ...
+
+    def subscribe(self, listener: Callable[[Fault], None]) -> Callable[[], None]: ...
+
+    def mark(self, name: str) -> bytes: ...
+
+
+async def home_joints(drive: HomingDrive, names: Iterable[str], mover: Mover) -> dict[str, HomingResult]:
     """Home joints in the configured groups; raises HomingError, the failed joint left disabled."""
     wanted = list(names)
     checked = CheckRecord.of(drive.config, drive.port_name)
@@ -67,7 +81,7 @@ async def home_joints(drive: "Mc3000Drive", names: Iterable[str], mover: "Mover"
     return results
 
 
-async def _home_group(drive: "Mc3000Drive", names: Sequence[str], mover: "Mover") -> list[HomingResult]:
+async def _home_group(drive: HomingDrive, names: Sequence[str], mover: Mover) -> list[HomingResult]:
     """Home joints together; the first failure ends the others, and the one that tells most is raised."""
     loop = asyncio.get_running_loop()
     tasks = [loop.create_task(home_axis(drive, name, mover)) for name in names]
@@ -90,13 +104,13 @@ def _was_interrupted(error: BaseException | None) -> bool:
     return isinstance(error, HomingError) and error.failure is HomingFailure.INTERRUPTED
 
 
-async def home_axis(drive: "Mc3000Drive", name: str, mover: "Mover") -> HomingResult:
+async def home_axis(drive: HomingDrive, name: str, mover: Mover) -> HomingResult:
     """Home one enabled joint; raises HomingError, the joint left disabled."""
     axis = drive.axes[name]
     log.info("%s: homing", name)
     began = asyncio.get_running_loop().time()
     axis.homed = False
-    search = HomingSearch(axis, drive)
+    search = HomingSearch(axis, drive.fault_reports, drive.subscribe)
     with search.listening():
         try:
             await axis.board.write_mark(axis.channel, NO_MARK)
@@ -127,7 +141,7 @@ async def home_axis(drive: "Mc3000Drive", name: str, mover: "Mover") -> HomingRe
     )
 
 
-async def _set_zero(axis: "Axis", search: HomingSearch, latched: int) -> int:
+async def _set_zero(axis: Axis, search: HomingSearch, latched: int) -> int:
     """PRESET so that the latched edge has its configured angle; what was added to the count."""
     shift = axis.to_counts(axis.config.home_edge) - latched
     for _ in range(PRESET_TRIES):
@@ -165,7 +179,7 @@ def _named(name: str, error: BaseException, search: HomingSearch) -> BaseExcepti
     return HomingError(name, HomingFailure.INTERRUPTED, str(error))
 
 
-async def _leave_disabled(mover: "Mover", name: str) -> None:
+async def _leave_disabled(mover: Mover, name: str) -> None:
     for _ in range(DISABLE_TRIES):
         try:
             await mover.stopped_by_fault()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from medusa.errors import DeviceFault
 from medusa.head.faults import Cause, Fault
@@ -16,9 +16,10 @@ from medusa.head.stopping import READ_BACK_SECONDS
 from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import AxisSnapshot, BoardEvent, Flags, Inputs, LatchSource, Mode, Operation
 from medusa.mc3000.board.board import check_position
+from medusa.mc3000.fault_reports import FaultReports
 
-if TYPE_CHECKING:
-    from medusa.mc3000.drive import Mc3000Drive
+Subscribe = Callable[[Callable[[Fault], None]], Callable[[], None]]
+"""Listen to a drive's faults; what ends that."""
 
 TRAVEL_MARGIN = 1.2
 """The search goes over this much of the range between the soft limits: past both switches."""
@@ -99,17 +100,18 @@ class Leg:
 class HomingSearch:
     """Moves one joint to its sensor's edge; `fault` ends it as soon as anything stops the head."""
 
-    def __init__(self, axis: Axis, drive: "Mc3000Drive") -> None:
+    def __init__(self, axis: Axis, reports: FaultReports, subscribe: Subscribe) -> None:
         self._axis = axis
-        self._drive = drive
+        self._reports = reports
+        self._subscribe = subscribe
         self._fault: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.faults: list[Fault] = []
 
     @contextmanager
     def listening(self) -> Iterator[None]:
         """Within the context this joint's limit switches are expected, and any fault ends the search."""
-        with self._drive.fault_reports.limit_expected(self._axis.name):
-            end = self._drive.subscribe(self._take_fault)
+        with self._reports.limit_expected(self._axis.name):
+            end = self._subscribe(self._take_fault)
             try:
                 yield
             finally:

@@ -15,7 +15,7 @@ from medusa.machines import open_head
 from medusa.mc3000.board import Mode
 from medusa.mc3000.config import Mc3000Config
 from medusa.mc3000.drive import Mc3000Drive
-from medusa.mc3000.homing.mark import NO_MARK, axis_digest, make_mark
+from medusa.mc3000.mark import NO_MARK, axis_digest, make_mark
 from medusa.simulation import SimulatedHead, simulated_head
 from sim_devices import head_config
 

@@ -8,8 +8,8 @@ import pytest
 from medusa.head.joint_group import JointGroup
 from medusa.mc3000.board import BoardEvent, Operation
 from medusa.mc3000.drive import Mc3000Drive
-from medusa.mc3000.homing.mark import NO_MARK
 from medusa.mc3000.homing.search import HomingError, HomingFailure
+from medusa.mc3000.mark import NO_MARK
 from medusa.simulation import SimulatedHead
 
 
