@@ -42,7 +42,7 @@ def prediction_response(
 def pursuit_margins(acceleration: float, sigma: float, frame_period: float, latency: float) -> Margins:
     """Margins of the loop broken at the retinal error e.
 
-    The filter is given y = θ + e, the gaze is θ = H y, so θ = L e with L = H/(1 − H). Were optics, encoders
+    The filter is given y = θ + e, the gaze is θ = H y, so θ = L e with L = H/(1 − H). Were optics, angles
     and kinematics exact, no loop would be left; the margins say by how much the image scale, or the delay,
     may be off.
     """

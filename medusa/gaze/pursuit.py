@@ -9,8 +9,8 @@ from medusa.gaze.pid import Gains, Pid
 class JointPursuit:
     """From retinal error to a command of one joint, one step a picture.
 
-    Velocity v = PID(e)/T_v, T_v the frame period, truncated to whole multiples of the least speed q (one
-    count a sample: the chip's integral velocity is an integer). Below q the joint stalls, as the thesis
+    Velocity v = PID(e)/T_v, T_v the frame period, truncated to whole multiples of the least speed q, the
+    joint's rate step. Below q the joint stalls, as the thesis
     observed, unless `microsaccades`: then it is stepped by the PID's angle in position mode. The integral is
     zeroed on a change of mode, because the sum that made a velocity would be applied as a jump.
     """

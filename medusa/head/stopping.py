@@ -12,11 +12,11 @@ from medusa.head.faults import Cause
 log = logging.getLogger(__name__)
 
 REST_STEPS = 1.5
-"""A joint at rest in control may flicker by one step of its resolution (thesis, servo loop: the DAC's limit cycle)."""
+"""A joint at rest in control may flicker by one step of its resolution (thesis, servo loop: its limit cycle)."""
 READ_BACK_SECONDS = 0.025
 """Between two readings that are compared: a dozen samples of the slowest sample timer."""
 MARGIN_SECONDS = 1.5
-"""On top of the ramp: the link's repeats, and the coasting of a joint whose amplifier a fault switched off."""
+"""On top of the ramp: the link's repeats, and the coasting of a joint that a fault has left limp."""
 
 STOP_ATTEMPTS = 3
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 class Motion:
     """From `time` (s) at `position` (rad) and `rate` (rad/s) on; pieces are (duration s, acceleration rad/s²).
 
-    After the last piece the rate it ended with goes on.
+    After the last piece the rate is `final`, to the last bit: a joint that came to rest does not creep.
     """
 
     time: float
     position: float
     rate: float = 0.0
     pieces: tuple[tuple[float, float], ...] = ()
+    final: float = 0.0
 
     @property
     def end(self) -> float:
@@ -29,13 +30,14 @@ class Motion:
             position += rate * step + acceleration * step**2 / 2
             rate += acceleration * step
             left -= step
-        return position + rate * left, rate
+        return (position + self.final * left, self.final) if now >= self.end else (position, rate)
 
 
 def ramp(time: float, position: float, rate: float, to: float, acceleration: float) -> Motion:
     """From one rate to another at an acceleration: |to − rate|/a."""
     change = to - rate
-    return Motion(time, position, rate, ((abs(change) / acceleration, math.copysign(acceleration, change)),))
+    pieces = ((abs(change) / acceleration, math.copysign(acceleration, change)),)
+    return Motion(time, position, rate, pieces, to)
 
 
 def profile(

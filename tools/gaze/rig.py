@@ -9,10 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from medusa.config.file import parse_config
 from medusa.gaze.report.track_log import TrackLog
 from medusa.gaze.retina import Detector, Retina
 from medusa.gaze.run.loop import Gaze, GazeLoop, LoopSettings, gaze_limits, least_speeds
 from medusa.head.joint_group import JointGroup
+from medusa.ideal.config import IdealConfig, template
+from medusa.ideal.drive import IdealDrive
 from medusa.kinematics import HeadGeometry, Joints, bearing_of, camera_pose, look_at
 from medusa.mc3000.config import Mc3000Config
 from medusa.simulation import SimulatedHead, simulated_cameras, simulated_head
@@ -89,13 +92,30 @@ class Run:
 
 
 class Rig:
-    """A homed emulated head; ``run`` puts it before a world and lets a gaze follow the target."""
+    """A homed head; ``run`` puts it before a world and lets a gaze follow the target.
 
-    def __init__(self, simulation: SimulatedHead, head: JointGroup) -> None:
-        self.simulation = simulation
+    ``joint_angles``: the true angles (rad) by joint at a moment on the loop's clock. ``simulation``: the emulated
+    head, None for an ideal one.
+    """
+
+    def __init__(
+        self,
+        head: JointGroup,
+        joint_angles: Callable[[float], dict[str, float]],
+        simulation: SimulatedHead | None = None,
+    ) -> None:
         self.head = head
+        self.joint_angles = joint_angles
+        self._simulation = simulation
         self.limits = gaze_limits(head.traits)
         self.least_speeds = least_speeds(head.traits)
+
+    @property
+    def simulation(self) -> SimulatedHead:
+        """The emulated head; ValueError for an ideal one."""
+        if self._simulation is None:
+            raise ValueError("an ideal head has no emulator")
+        return self._simulation
 
     async def run(
         self,
@@ -117,7 +137,7 @@ class Rig:
         ``geometry`` is what the gaze believes of the head (the truth when None).
         """
         loop = asyncio.get_running_loop()
-        surroundings = StereoWorld(world, self.simulation.machine.joint_angles)
+        surroundings = StereoWorld(world, self.joint_angles)
         true_geometry = _geometry(surroundings)
         surroundings.world.epoch = math.inf  # nothing moves before the start
         begin = start
@@ -167,7 +187,7 @@ class Rig:
             point = world.target_position(now)
             times.append(now - began)
             target.append(np.full(3, np.nan) if point is None else point)
-            joints.append(Joints.from_axes(self.simulation.machine.joint_angles(now)))
+            joints.append(Joints.from_axes(self.joint_angles(now)))
         return np.array(times), np.array(target), joints
 
 
@@ -191,4 +211,15 @@ async def open_rig(
         async with simulation.open(config) as head:
             await head.enable()
             await head.home()
-            yield Rig(simulation, head)
+            yield Rig(head, simulation.machine.joint_angles, simulation)
+
+
+@asynccontextmanager
+async def open_ideal_rig() -> AsyncIterator[Rig]:
+    """A head that follows its commands exactly, enabled and homed: the gaze without a chip."""
+    config = parse_config(template(), "the ideal head's template")
+    assert isinstance(config, IdealConfig)
+    drive = IdealDrive(config.traits, watchdog=config.watchdog_ms / 1000)
+    async with JointGroup.open(drive) as head:
+        await head.home()
+        yield Rig(head, lambda now: {name: drive.machine.angle(name, now) for name in drive.traits})
