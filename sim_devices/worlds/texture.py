@@ -1,6 +1,6 @@
 """Textures: grey pictures with their mip levels, and seeded patterns to paint surfaces with."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -11,15 +11,22 @@ Grey = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A grey picture, 0 to 255, with each level half the size of the one before (area means)."""
+    """A grey picture, 0 to 255, with each level half the size of the one before (area means).
+
+    A surface shows it ``repeat`` times across and down; its upper left corner shows the place ``offset`` of
+    the picture, in pictures.
+    """
 
     picture: NDArray[np.uint8] | Grey
     repeat: tuple[float, float] = (1.0, 1.0)
-    levels: tuple[Grey, ...] = field(init=False, repr=False)
+    offset: tuple[float, float] = (0.0, 0.0)
+    levels: tuple[Grey, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if self.picture.ndim != 2 or min(self.picture.shape) < 1:
             raise ValueError(f"a texture is a grey picture (height, width), got shape {self.picture.shape}")
+        if self.levels:
+            return
         level = np.ascontiguousarray(self.picture, dtype=np.float32)
         levels = [level]
         while max(level.shape) > 1:
@@ -31,7 +38,11 @@ class Texture:
     @property
     def tiled(self) -> bool:
         """Whether the picture is laid side by side."""
-        return self.repeat != (1.0, 1.0)
+        return self.repeat != (1.0, 1.0) or self.offset != (0.0, 0.0)
+
+    def laid(self, repeat: tuple[float, float], offset: tuple[float, float] = (0.0, 0.0)) -> "Texture":
+        """The same picture and levels, laid otherwise."""
+        return replace(self, repeat=repeat, offset=offset)
 
 
 def plain(grey: float) -> Texture:
