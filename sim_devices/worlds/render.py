@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_devices.worlds.light import Light, light_on
 from sim_devices.worlds.optics import Optics, Window
 from sim_devices.worlds.placement import Placement
 from sim_devices.worlds.shade import scaled, shade_flat
@@ -42,7 +43,8 @@ def render(world: World, optics: Optics, camera: Placement, t: float, window: Wi
     window = optics.whole if window is None else window
     columns, rows = _ray_axes(optics, window)
     t = world.elapsed(t)
-    canvas = np.full((len(rows), len(columns)), world.sky * world.light, np.float32)
+    light, glow = light_on(world, camera, t), Light(1.0)
+    canvas = np.full((len(rows), len(columns)), world.sky * light.level, np.float32)
     near = np.zeros(canvas.shape, np.float32)
     sights: list[tuple[Sight, Texture]] = []
     for surface in world.surfaces:
@@ -55,11 +57,11 @@ def render(world: World, optics: Optics, camera: Placement, t: float, window: Wi
         part = extent(sight, columns, rows)
         if part is None:
             continue
-        light = 1.0 if sight.surface.glows else world.light
+        shine = glow if sight.surface.glows else light
         if isinstance(sight, RoundSight):
-            _paint_round(sight, texture, light, columns, rows, part, canvas, near)
+            _paint_round(sight, texture, shine, columns, rows, part, canvas, near)
         else:
-            _paint_flat(sight, texture, light, columns, rows, part, canvas, near)
+            _paint_flat(sight, texture, shine, columns, rows, part, canvas, near)
     return cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
 
@@ -77,7 +79,7 @@ def _ray_axes(optics: Optics, window: Window) -> tuple[Grey, Grey]:
 def _paint_flat(
     sight: FlatSight,
     texture: Texture,
-    light: float,
+    light: Light,
     columns: Grey,
     rows: Grey,
     part: tuple[slice, slice],
@@ -92,12 +94,11 @@ def _paint_flat(
         visible &= _inside(sight, inverse_depth, columns, rows)
     if not visible.any():
         return
-    if texture.levels[0].size == 1:
-        np.copyto(canvas[part], np.float32(light * texture.levels[0][0, 0]), where=visible)
+    if texture.levels[0].size == 1 and light.even:
+        np.copyto(canvas[part], np.float32(light.level * texture.levels[0][0, 0]), where=visible)
     else:
         shade = shade_flat(sight, texture, inverse_depth, columns, rows)
-        if light != 1.0:
-            shade *= np.float32(light)
+        light.fall_on(shade, inverse_depth, columns, rows)
         np.copyto(canvas[part], shade, where=visible)
     np.copyto(behind, inverse_depth, where=visible)
 
@@ -133,7 +134,7 @@ def _inside(sight: FlatSight, inverse_depth: Grey, columns: Grey, rows: Grey) ->
 def _paint_round(
     sight: RoundSight,
     texture: Texture,
-    light: float,
+    light: Light,
     columns: Grey,
     rows: Grey,
     part: tuple[slice, slice],
@@ -167,5 +168,6 @@ def _paint_round(
     shade: Grey = cv2.remap(  # type: ignore[assignment]
         picture, longitude, latitude, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
     )
-    np.copyto(canvas[part], np.multiply(shade, np.float32(light)), where=visible)
+    light.fall_on(shade, inverse_depth, columns, rows)
+    np.copyto(canvas[part], shade, where=visible)
     np.copyto(behind, inverse_depth, where=visible)

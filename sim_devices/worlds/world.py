@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from sim_devices.worlds.placement import Signal, constant
 from sim_devices.worlds.surface import Surface
 
 
@@ -10,14 +11,17 @@ from sim_devices.worlds.surface import Surface
 class World:
     """Surfaces in metres, x forward, y left, z up; the head's axes meet at the origin.
 
-    ``light`` scales everything that does not glow, the sky too: 1 is day, 0 is lights out. All paths begin at
-    ``epoch``; before it every surface stands where its path starts.
+    ``light`` scales everything that does not glow, the sky too: 1 is day, 0 is lights out; ``flicker`` scales
+    it in time, and ``gradient`` is its relative change per metre along x, y, z from the origin. All paths
+    begin at ``epoch``; before it every surface stands where its path starts.
     """
 
     surfaces: list[Surface] = field(default_factory=list)
     sky: float = 40.0
     light: float = 1.0
     epoch: float = 0.0
+    flicker: Signal = field(default_factory=lambda: constant(1.0))
+    gradient: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def elapsed(self, t: float) -> float:
         """Seconds since the paths began, never negative."""
