@@ -36,11 +36,28 @@ class Placement:
         return Placement(self.rotation.T, -self.rotation.T @ self.position)
 
 
+@dataclass(frozen=True, eq=False)
+class Still:
+    """The motion of a body that never moves."""
+
+    placement: Placement
+
+    def __call__(self, _t: float) -> Placement:
+        return self.placement
+
+
 def still(placement: Placement) -> Motion:
     """A body that never moves."""
+    return Still(placement)
 
-    def at(_t: float) -> Placement:
-        return placement
+
+def mounted(carrier: Motion, seat: Placement) -> Motion:
+    """The motion of what is fixed on a carrier; ``seat`` is its placement in the carrier's frame."""
+    if isinstance(carrier, Still):
+        return Still(carrier.placement @ seat)
+
+    def at(t: float) -> Placement:
+        return carrier(t) @ seat
 
     return at
 

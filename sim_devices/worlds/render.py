@@ -21,6 +21,7 @@ from sim_devices.worlds.sight import (
     extent,
     meet_sphere,
     over_rays,
+    pyramid,
     see,
     sphere_coordinates,
 )
@@ -31,7 +32,9 @@ from sim_devices.worlds.world import World
 Grey = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 SAMPLES = 2
-_rays: dict[tuple[Optics, Window], tuple[Grey, Grey]] = {}
+_SURELY_NEARER = 1.00001
+"""Depth by depth: what is painted hides what is farther, whatever float32 rounds."""
+_rays: dict[tuple[Optics, Window], tuple[Grey, Grey, NDArray[np.float64]]] = {}
 
 
 def render(world: World, optics: Optics, camera: Placement, t: float, window: Window | None = None) -> Grey:
@@ -41,13 +44,13 @@ def render(world: World, optics: Optics, camera: Placement, t: float, window: Wi
     what its own pixels cost. Not clipped, not quantised, no noise: that is the sensor's part.
     """
     window = optics.whole if window is None else window
-    columns, rows = _ray_axes(optics, window)
+    columns, rows, sides = _ray_axes(optics, window)
     t = world.elapsed(t)
     light, glow = light_on(world, camera, t), Light(1.0)
     canvas = np.full((len(rows), len(columns)), world.sky * light.level, np.float32)
     near = np.zeros(canvas.shape, np.float32)
     sights: list[tuple[Sight, Texture]] = []
-    for surface in world.surfaces:
+    for surface in world.within(camera, sides):
         texture = texture_at(surface, t)
         sight = None if texture is None else see(surface, surface.motion(t), camera)
         if texture is not None and sight is not None:
@@ -60,19 +63,19 @@ def render(world: World, optics: Optics, camera: Placement, t: float, window: Wi
         shine = glow if sight.surface.glows else light
         if isinstance(sight, RoundSight):
             _paint_round(sight, texture, shine, columns, rows, part, canvas, near)
-        else:
+        elif float(near[part].min()) * sight.nearest < _SURELY_NEARER:
             _paint_flat(sight, texture, shine, columns, rows, part, canvas, near)
     return cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
 
-def _ray_axes(optics: Optics, window: Window) -> tuple[Grey, Grey]:
+def _ray_axes(optics: Optics, window: Window) -> tuple[Grey, Grey, NDArray[np.float64]]:
     key = (optics, window)
     if key not in _rays:
         if len(_rays) > 64:
             _rays.clear()
         optics.check(window)
         columns, rows = optics.rays(window, SAMPLES)
-        _rays[key] = columns.astype(np.float32), rows.astype(np.float32)
+        _rays[key] = columns.astype(np.float32), rows.astype(np.float32), pyramid(columns, rows)
     return _rays[key]
 
 

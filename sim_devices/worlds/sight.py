@@ -140,6 +140,16 @@ def _span(bound: tuple[float, float], axis: Array) -> slice | None:
     return slice(start, stop) if stop > start else None
 
 
+def pyramid(columns: Array, rows: Array) -> Array:
+    """Inward unit normals (5, 3) of the pyramid of rays over ascending axes: left, right, top, bottom, front."""
+    left, right, top, bottom = float(columns[0]), float(columns[-1]), float(rows[0]), float(rows[-1])
+    normals = np.array(
+        [(1.0, 0.0, -left), (-1.0, 0.0, right), (0.0, 1.0, -top), (0.0, -1.0, bottom), (0.0, 0.0, 1.0)]
+    )
+    sides: Array = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return sides
+
+
 def over_rays(row: Affine, columns: Array, rows: Array) -> Array:
     """row . (X/Z, Y/Z, 1) over a grid of rays, shape (rows, columns), in the type of the axes."""
     grid: Array = np.add.outer(rows * row[1], columns * row[0] + row[2])

@@ -6,7 +6,7 @@ from math import floor
 
 import numpy as np
 
-from sim_devices.worlds.placement import Motion, Placement, still
+from sim_devices.worlds.placement import Motion, Placement, mounted, still
 from sim_devices.worlds.texture import Texture
 
 Painting = Callable[[float], Texture | None]
@@ -65,7 +65,7 @@ def box(size: tuple[float, float, float], painting: Texture, motion: Motion) -> 
             right = np.cross(down, away)
             offset = Placement(np.column_stack([right, down, away]), -away * size[axis] / 2.0)
             width, height = float(np.abs(right) @ size), float(np.abs(down) @ size)
-            faces.append(Rectangle(width, height, painting, _carried(motion, offset), one_sided=True))
+            faces.append(Rectangle(width, height, painting, mounted(motion, offset), one_sided=True))
     return faces
 
 
@@ -87,12 +87,5 @@ def hidden_between(painting: Texture | Painting, start: float, stop: float) -> P
 
     def at(t: float) -> Texture | None:
         return None if start <= t < stop else _shown(painting, t)
-
-    return at
-
-
-def _carried(motion: Motion, offset: Placement) -> Motion:
-    def at(t: float) -> Placement:
-        return motion(t) @ offset
 
     return at
