@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_devices.worlds.config import SensorConfig
 from sim_devices.worlds.optics import Optics, Window
 from sim_devices.worlds.placement import Placement
 from sim_devices.worlds.render import render
@@ -21,9 +22,9 @@ class Sensor:
     """What the electronics do to the light.
 
     ``rate`` exposures a second; ``exposure`` seconds over which motion blurs, as the mean of
-    ``blur_samples`` instants; ``gain``; ``vignette``, the part of the light lost in the corners; ``noise``,
-    standard deviation in grey levels; ``latency`` from the middle of the exposure to delivery; ``drop``,
-    the probability of no delivery.
+    ``blur_samples`` instants; ``gain``, and ``gain_drift``, its relative change per second of the world;
+    ``vignette``, the part of the light lost in the corners; ``noise``, standard deviation in grey levels;
+    ``latency`` from the middle of the exposure to delivery; ``drop``, the probability of no delivery.
     """
 
     rate: float = 6.0
@@ -34,6 +35,22 @@ class Sensor:
     noise: float = 0.0
     latency: float = 0.0
     drop: float = 0.0
+    gain_drift: float = 0.0
+
+    @classmethod
+    def configured(cls, config: SensorConfig) -> "Sensor":
+        """From a table of the configuration."""
+        return cls(
+            rate=config.rate_hz,
+            exposure=config.exposure_ms * 1e-3,
+            blur_samples=config.blur_samples,
+            gain=config.gain,
+            vignette=config.vignette,
+            noise=config.noise,
+            latency=config.latency_ms * 1e-3,
+            drop=config.drop,
+            gain_drift=config.gain_drift,
+        )
 
     def __post_init__(self) -> None:
         if not self.rate > 0.0:
@@ -60,19 +77,32 @@ class Picture:
 class SimulatedCamera:
     """A camera whose optical frame stands at ``pose(t)`` in a world.
 
-    ``pose`` is asked in the order of time, at the exposures themselves. ``dead`` stops the pictures,
-    ``delay`` adds to the latency; both may be changed while it runs. The same seed gives the same pictures.
+    ``pose`` is asked in the order of time, at the exposures themselves. Only ``window`` of the image is read
+    out, when it is given. ``dead`` stops the pictures, ``dark`` lets no light in, ``delay`` adds to the
+    latency; all may be changed while it runs. The same seed gives the same pictures.
     """
 
     def __init__(
-        self, name: str, world: World, optics: Optics, sensor: Sensor, pose: Pose, *, seed: int = 0
+        self,
+        name: str,
+        world: World,
+        optics: Optics,
+        sensor: Sensor,
+        pose: Pose,
+        *,
+        seed: int = 0,
+        window: Window | None = None,
     ) -> None:
+        if window is not None:
+            optics.check(window)
         self.name = name
         self.world = world
         self.optics = optics
         self.sensor = sensor
         self.pose = pose
+        self.window = window
         self.dead = False
+        self.dark = False
         self.delay = 0.0
         self.sequence = 0
         self._seed = (seed, crc32(name.encode()))
@@ -88,19 +118,31 @@ class SimulatedCamera:
         self, instants: list[tuple[float, Placement]], sequence: int, window: Window | None = None
     ) -> Picture:
         """The picture of an exposure during which the camera stood so at those times."""
-        light = np.mean([render(self.world, self.optics, p, t, window) for t, p in instants], axis=0)
-        part = self.optics.whole if window is None else window
+        part = window or self.window or self.optics.whole
+        stamp = float(np.mean([t for t, _ in instants]))
+        light = self._light(instants, part)
         if self.sensor.gain != 1.0 or self.sensor.vignette:
             rows, columns = (
                 slice(part.top, part.top + part.height),
                 slice(part.left, part.left + part.width),
             )
             light = light * self._vignette[rows, columns]
+        if self.sensor.gain_drift:
+            drift = 1.0 + self.sensor.gain_drift * self.world.elapsed(stamp)
+            light = light * np.float32(max(0.0, drift))
         if self.sensor.noise:
             rng = np.random.default_rng((*self._seed, sequence))
             light = light + np.float32(self.sensor.noise) * rng.standard_normal(light.shape, np.float32)
         image = np.clip(light + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
-        return Picture(image, float(np.mean([t for t, _ in instants])), sequence)
+        return Picture(image, stamp, sequence)
+
+    def _light(self, instants: list[tuple[float, Placement]], part: Window) -> NDArray[np.float32]:
+        if self.dark:
+            return np.zeros((part.height, part.width), np.float32)
+        light: NDArray[np.float32] = np.mean(
+            [render(self.world, self.optics, p, t, part) for t, p in instants], axis=0
+        )
+        return light
 
     def instants(self, middle: float) -> list[float]:
         """The times at which an exposure around ``middle`` samples the world."""

@@ -60,8 +60,8 @@ class CameraStream:
         return f"tcp://127.0.0.1:{self._port}"
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        optics = self._camera.optics
-        writer.write(header(optics.width, optics.height, self._camera.sensor.rate))
+        part = self._camera.window or self._camera.optics.whole
+        writer.write(header(part.width, part.height, self._camera.sensor.rate))
         self._clients.add(writer)
         if self._take_off is None:
             self._take_off = self._camera.deliver_to(self._send)

@@ -35,20 +35,26 @@ class TargetConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     screen_deg: tuple[Positive, Positive] = (120.0, 90.0)
 
 
-class CamerasConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class SensorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What the electronics of a camera do to the light, as `sim_devices.camera.Sensor` has it."""
+
+    rate_hz: Positive = 6.0
+    exposure_ms: NotNegative = 0.0
+    blur_samples: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+    gain: NotNegative = 1.0
+    gain_drift: Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)] = 0.0
+    vignette: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.0
+    noise: NotNegative = 1.0
+    latency_ms: NotNegative = 0.0
+    drop: Part = 0.0
+
+
+class CamerasConfig(SensorConfig, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Both cameras and how they sit on the head: offset forward, left, up; mount roll, pitch, yaw."""
 
     width: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 128
     height: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 128
     field_of_view_deg: Annotated[float, msgspec.Meta(gt=1.0, lt=150.0)] = 40.0
-    rate_hz: Positive = 6.0
-    exposure_ms: NotNegative = 0.0
-    blur_samples: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
-    gain: NotNegative = 1.0
-    vignette: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.0
-    noise: NotNegative = 1.0
-    latency_ms: NotNegative = 0.0
-    drop: Part = 0.0
     baseline_m: Annotated[float, msgspec.Meta(ge=0.060, le=0.200)] = 0.130
     left_offset_m: Triple = (0.0, 0.0, 0.0)
     right_offset_m: Triple = (0.0, 0.0, 0.0)
