@@ -11,7 +11,7 @@ from sim_devices.assembly import BenchConfig, build_parts
 from sim_devices.bench import Bench, UnknownVerb
 from sim_devices.config import Faults, Incident
 from sim_devices.control import ControlServer
-from sim_devices.stereo import StereoWorld
+from sim_devices.rendered import RenderedWorld
 from sim_devices.stream import CameraStream
 
 logger = logging.getLogger(__name__)
@@ -32,10 +32,10 @@ async def serve(
         for name, path in bench.ports.items():
             announce(f"{name} {path}")
         for world in bench.parts.values():
-            if isinstance(world, StereoWorld):
-                for side, camera in world.cameras.items():
-                    stream = CameraStream(camera, world.config.cameras.port(side))
-                    announce(f"camera-{side} {(await streams.enter_async_context(stream)).url}")
+            if isinstance(world, RenderedWorld):
+                for name, camera in world.cameras.items():
+                    stream = CameraStream(camera, world.ports[name])
+                    announce(f"camera-{name} {(await streams.enter_async_context(stream)).url}")
                 world.start()
                 streams.callback(world.stop)
         announce("ready")

@@ -10,6 +10,7 @@ import numpy as np
 from sim_devices.worlds.config import PathConfig, TargetConfig
 from sim_devices.worlds.placement import (
     Motion,
+    Placement,
     Signal,
     constant,
     facing,
@@ -66,9 +67,8 @@ def walls(seed: int, *, mean: float = 90.0, contrast: float = 25.0) -> list[Surf
     ]
 
 
-def target_surface(target: TargetConfig, seed: int) -> Surface:
+def target_surface(target: TargetConfig, seed: int, motion: Motion) -> Surface:
     """The lamp, the textured patch or the screen that the head follows."""
-    motion = target_motion(target)
     if target.kind == "lamp":
         return Rectangle(
             target.size_m, target.size_m, disc(64, light=255.0, dark=255.0), motion, elliptic=True, glows=True
@@ -86,12 +86,26 @@ def target_surface(target: TargetConfig, seed: int) -> Surface:
 def make_world(target: TargetConfig, *, seed: int = 0, light: float = 1.0) -> tuple[World, Surface | None]:
     """The room for a target, and the target's surface in it."""
     world = World(light=light)
-    surface = None if target.kind == "none" else target_surface(target, seed)
-    if surface is not None:
-        world.add(surface)
+    surface = add_target(world, target, seed=seed)
     if target.walls and target.kind != "screen":
         world.extend(walls(seed))
     return world, surface
+
+
+def add_target(
+    world: World, target: TargetConfig, *, seed: int = 0, about: Placement | None = None
+) -> Surface | None:
+    """Put the target's surface into a world, on its path about the origin or another place."""
+    if target.kind == "none":
+        return None
+    motion = target_motion(target)
+    surface = target_surface(target, seed, motion if about is None else _about(about, motion))
+    world.add(surface)
+    return surface
+
+
+def _about(place: Placement, motion: Motion) -> Motion:
+    return lambda t: place @ motion(t)
 
 
 def read_pictures(folder: Path) -> Sequence[Texture]:
