@@ -68,7 +68,9 @@ class Body:
         self.broken_bumpers = 0
         self.wheels_held = False
         self._wheel_base = config.wheel_base
-        self._outline = Outline(config)
+        self.outline = Outline(config)
+        self.touched_at: float | None = None
+        """When the body first met anything that stands or walks about."""
         self._pressed = 0
         self._held_since = inf
         self._check_at = 0.0
@@ -112,7 +114,7 @@ class Body:
     def next_time(self) -> float:
         """When it is worth looking at the body next: a reference breaks, it rests, meets something or stalls."""
         if self.unmoved:
-            return inf
+            return max(self._check_at, self.now + _WAKE_S) if self.floor.walkers else inf
         due = min(self.forward.next_break, self.turning.next_break, self.rest_time())
         if not self.floor.empty:
             due = min(due, max(self._check_at, self.now + _WAKE_S))
@@ -128,8 +130,10 @@ class Body:
             self._contact = Contact((inf,) * 4, inf)
             pressed = self.hand_pressed
         else:
-            self._contact = self._outline.contact(self.floor, *self.true)
+            self._contact = self.outline.contact(self.floor, *self.true, self.now)
             touched = sum(1 << n for n, distance in enumerate(self._contact.bumpers) if distance == 0)
+            if touched:
+                self._touch()
             pressed = touched & ~self.broken_bumpers | self.hand_pressed
             self._plan_check()
         new = pressed & ~self._pressed
@@ -143,18 +147,24 @@ class Body:
     def room_for(self, box: Box) -> bool:
         """Whether a box would leave the frame clear."""
         floor = Floor(boxes=[box])
-        return self._outline.contact(floor, *self.true).frame > 0
+        return self.outline.contact(floor, *self.true, self.now).frame > 0
 
     def advance_to(self, t: float) -> Happening | None:
         """Advance up to t, or to the first thing that happens before; `now` says which."""
         while self.now < t:
-            if self.unmoved:
-                self.now = t
-                return None
-            happening = self._step(min(t, self._step_end()))
+            happening = self._wait(t) if self.unmoved else self._step(min(t, self._step_end()))
             if happening is not None:
                 return happening
         return None
+
+    def _wait(self, t: float) -> Happening | None:
+        """Stand until t, or until somebody who walks about can be here."""
+        if not self.floor.walkers:
+            self.now = t
+            return None
+        self.now = min(t, max(self._check_at, self.now + _CONTACT_STEP_S))
+        pressed = self.look().pressed if self.now >= self._check_at else 0
+        return Happening(pressed) if pressed else None
 
     def _step_end(self) -> float:
         forward, turning = self.forward, self.turning
@@ -182,6 +192,8 @@ class Body:
             self.true, self.odometry, self.wheels["left"].rolled, self.wheels["right"].rolled = before
             self.forward.speed = self.turning.speed = 0.0
             self._held_since = min(self._held_since, end)
+            if not self.wheels_held:
+                self._touch()
         else:
             self._held_since = inf
         rested = False
@@ -210,15 +222,20 @@ class Body:
         went_left, went_right = left.true_way() - before_left, right.true_way() - before_right
         self.true = self.true.moved((went_left + went_right) / 2, (went_right - went_left) / self._wheel_base)
 
+    def _touch(self) -> None:
+        if self.touched_at is None:
+            self.touched_at = self.now
+
     def _frame_gap(self) -> float:
-        return self._outline.contact(self.floor, *self.true).frame
+        return self.outline.contact(self.floor, *self.true, self.now).frame
 
     def _wheel_speed(self) -> float:
         return abs(self.forward.speed) + abs(self.turning.speed) * NOMINAL_WHEEL_BASE / 2
 
     def _plan_check(self) -> None:
-        """No point of the outline comes nearer faster than v + ω r (1 % for the true geometry)."""
-        speed = 1.01 * (self.forward.bound + self.turning.bound * self._outline.radius)
+        """Nothing comes nearer faster than v + ω r (1 % for the true geometry) and who walks about."""
+        speed = 1.01 * (self.forward.bound + self.turning.bound * self.outline.radius)
+        speed += self.floor.top_speed
         clear = min(
             self._contact.frame,
             *(distance for distance in self._contact.bumpers if distance > 0),

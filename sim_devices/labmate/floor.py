@@ -1,6 +1,6 @@
 """The floor plan about a base: walls, boxes, and how far the body is from them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import cos, hypot, inf, radians, sin
 from typing import NamedTuple
 
@@ -67,31 +67,55 @@ def box_segments(box: Box) -> list[Segment]:
     return [(*corners[a], *corners[b]) for a, b in pairs]
 
 
+class Walker(NamedTuple):
+    """Somebody who walks about: where he stands at a time, and the speed that he keeps to (m/s).
+
+    He presses bumpers and gives way to the frame.
+    """
+
+    outline: Callable[[float], Box]
+    top_speed: float
+
+
+class Surroundings(NamedTuple):
+    """What is about a body, in its axes: `high` meets the bumpers, `low` only the frame, `soft` only bumpers."""
+
+    high: list[Segment]
+    low: list[Segment]
+    soft: list[Segment]
+
+
 class Floor:
-    """Walls and boxes; `low` ones pass under the bumpers."""
+    """Walls, boxes and people; `low` boxes pass under the bumpers."""
 
     def __init__(self, walls: Iterable[Segment] = (), boxes: Iterable[Box] = ()) -> None:
         self._high = list(walls)
         self._low: list[Segment] = []
+        self.walkers: list[Walker] = []
         for box in boxes:
             self.add(box)
 
     @property
     def empty(self) -> bool:
         """Whether there is nothing to run into."""
-        return not self._high and not self._low
+        return not self._high and not self._low and not self.walkers
+
+    @property
+    def top_speed(self) -> float:
+        """No obstacle moves faster, m/s."""
+        return max((walker.top_speed for walker in self.walkers), default=0.0)
 
     def add(self, box: Box) -> None:
         """Put a box down."""
         (self._low if box.low else self._high).extend(box_segments(box))
 
     def clear(self) -> None:
-        """Take everything away."""
+        """Take every wall and box away."""
         self._high.clear()
         self._low.clear()
 
-    def seen_from(self, x: float, y: float, heading: float) -> tuple[list[Segment], list[Segment]]:
-        """Return what is high and what is low in the axes of a body at a pose."""
+    def seen_from(self, x: float, y: float, heading: float, t: float) -> Surroundings:
+        """Return what is there at a time in the axes of a body at a pose."""
         c, s = cos(heading), sin(heading)
 
         def turned(segment: Segment) -> Segment:
@@ -99,7 +123,10 @@ class Floor:
             u1, v1, u2, v2 = x1 - x, y1 - y, x2 - x, y2 - y
             return c * u1 + s * v1, c * v1 - s * u1, c * u2 + s * v2, c * v2 - s * u2
 
-        return [turned(segment) for segment in self._high], [turned(segment) for segment in self._low]
+        soft = [segment for walker in self.walkers for segment in box_segments(walker.outline(t))]
+        return Surroundings(
+            *([turned(segment) for segment in part] for part in (self._high, self._low, soft))
+        )
 
 
 class Contact(NamedTuple):
@@ -127,14 +154,19 @@ class Outline:
             Rectangle(-x + travel, x - travel, -y, -y + travel),
         )
 
-    def contact(self, floor: Floor, x: float, y: float, heading: float) -> Contact:
-        """Return the distances at a pose; the bumpers' are equal while the hull is clear."""
-        high, low = floor.seen_from(x, y, heading)
-        hull = _least(self._hull, high)
+    def contact(self, floor: Floor, x: float, y: float, heading: float, t: float) -> Contact:
+        """Return the distances at a pose and a time; the bumpers' are equal while the hull is clear."""
+        high, low, soft = floor.seen_from(x, y, heading, t)
+        hull = _least(self._hull, high + soft)
         if hull > 0:
             return Contact((hull, hull, hull, hull), min(hull + self._travel, _least(self._frame, low)))
-        front, rear, left, right = (_least(bumper, high) for bumper in self._bumpers)
+        front, rear, left, right = (_least(bumper, high + soft) for bumper in self._bumpers)
         return Contact((front, rear, left, right), _least(self._frame, high + low))
+
+    def clearance(self, floor: Floor, x: float, y: float, heading: float, t: float) -> float:
+        """Return how far the whole body is from everything; infinite when there is nothing."""
+        high, low, soft = floor.seen_from(x, y, heading, t)
+        return _least(self._hull, high + low + soft)
 
 
 def _least(rectangle: Rectangle, segments: list[Segment]) -> float:

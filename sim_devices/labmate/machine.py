@@ -1,11 +1,12 @@
 """A Labmate on the bench: its line, its true state, and what can be done to it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from sim_devices.labmate.base import Base
 from sim_devices.labmate.body import SIDES, Pose
 from sim_devices.labmate.config import BaseConfig, Box
+from sim_devices.labmate.floor import Floor, Walker
 from sim_devices.labmate.wheels import WheelOnFloor
 from sim_devices.link.device import LinkDevice, first_boot_count
 from sim_devices.link.line import Device
@@ -54,6 +55,21 @@ class BaseMachine:
         """Return the true pose at t: x, y (m), heading (rad, not wrapped). A t in the past gives the present."""
         self.advance_to(t)
         return self._body.true
+
+    def clearance(self, t: float, floor: Floor | None = None) -> float:
+        """Return how far the body is from its surroundings at t, or from another floor's, m."""
+        pose = self.pose(t)
+        return self._body.outline.clearance(floor or self._body.floor, *pose, self._body.now)
+
+    @property
+    def touched_at(self) -> float | None:
+        """When the body first met anything; None as long as it has not."""
+        return self._body.touched_at
+
+    def let_walk(self, walkers: Iterable[Walker]) -> None:
+        """Let people walk about the base: they press its bumpers and hold nothing."""
+        self._body.floor.walkers.extend(walkers)
+        self.base.motion.look()
 
     def state(self) -> dict[str, Any]:
         """Return truth and belief side by side; m, rad, m/s, rad/s, V, A."""
