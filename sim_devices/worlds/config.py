@@ -4,6 +4,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from sim_devices.worlds.optics import Optics, Window
+from sim_devices.worlds.plan import Mount
+
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0.0)]
 Part = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
@@ -66,6 +69,58 @@ class CamerasConfig(SensorConfig, frozen=True, forbid_unknown_fields=True, kw_on
     def port(self, side: str) -> int:
         """The TCP port one side is served on; 0 takes a free one."""
         return self.left_port if side == "left" else self.right_port
+
+
+class CarriedCameraConfig(SensorConfig, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One camera on a carrier. Its optical axis lies along the mount's x axis; ``window``: left, top, width, height.
+
+    The errors are what a camera file that holds the rest does not know: the true focal length is
+    ``focal_px`` (1 + ``focal_error``), the true angles and height are greater by theirs.
+    """
+
+    name: Annotated[str, msgspec.Meta(pattern="^[a-z0-9-]+$")]
+    mount: Mount
+    width: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 256
+    height: Annotated[int, msgspec.Meta(ge=8, le=4096)] = 256
+    focal_px: Positive = 192.0
+    window: tuple[int, int, int, int] | None = None
+    focal_error: Annotated[float, msgspec.Meta(gt=-1.0, le=10.0)] = 0.0
+    yaw_error_deg: float = 0.0
+    pitch_error_deg: float = 0.0
+    height_error: float = 0.0
+    port: Annotated[int, msgspec.Meta(ge=0, le=65535)] = 0
+
+    @property
+    def part(self) -> Window | None:
+        """The window that is read out; None reads the whole image."""
+        return None if self.window is None else Window(*self.window)
+
+    def __post_init__(self) -> None:
+        if self.part is not None:
+            self.optics.check(self.part)
+
+    @property
+    def optics(self) -> Optics:
+        """The optics that the camera file tells of."""
+        return self._optics(self.focal_px)
+
+    @property
+    def true_optics(self) -> Optics:
+        """The optics that the camera has."""
+        return self._optics(self.focal_px * (1.0 + self.focal_error))
+
+    @property
+    def true_mount(self) -> Mount:
+        """Where the camera really sits."""
+        return msgspec.structs.replace(
+            self.mount,
+            yaw_deg=self.mount.yaw_deg + self.yaw_error_deg,
+            pitch_deg=self.mount.pitch_deg + self.pitch_error_deg,
+            z=self.mount.z + self.height_error,
+        )
+
+    def _optics(self, focal: float) -> Optics:
+        return Optics(self.width, self.height, focal, focal, (self.width - 1) / 2.0, (self.height - 1) / 2.0)
 
 
 class WorldConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
