@@ -51,7 +51,7 @@ def run(
     speed: Annotated[float, typer.Option(metavar="X", help="Seconds of the bench in one second.")] = 1.0,
     log: Annotated[str, typer.Option(help="debug, info, warning or error.")] = "warning",
 ) -> None:
-    """Serve DIR/mc3000, DIR/servo-amps, DIR/labmate and both cameras until SIGINT or SIGTERM.
+    """Serve DIR/mc3000, DIR/servo-amps, DIR/labmate and all cameras until SIGINT or SIGTERM.
 
     Prints a line for each port and camera, then "ready".
     """

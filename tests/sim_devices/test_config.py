@@ -23,6 +23,51 @@ def test_without_a_file_the_bench_has_a_head_with_its_world_and_a_base():
     assert {line for part in parts.values() for line in part.lines()} == {"mc3000", "servo-amps", "labmate"}
 
 
+def test_a_plan_holds_the_bases_their_cameras_and_the_head_that_stands_on_one(write):
+    config = read_bench(
+        write(
+            """
+            plan = "corridor"
+            [[base]]
+            [[base]]
+            address = 0x11
+            start_x = 3.0
+            [[camera]]
+            name = "station"
+            mount = { on = "world", x = 5.0, z = 0.5, yaw_deg = 180.0 }
+            [[camera]]
+            name = "side"
+            mount = { on = "base2", y = 0.3, z = 0.35, yaw_deg = 90.0 }
+            [head_on]
+            on = "base"
+            z = 0.8
+            """
+        )
+    )
+    parts = build_parts(config, seed=1)
+    assert list(parts) == ["head", "world", "base", "base2"]
+    assert list(parts["world"].cameras) == ["left", "right", "station", "side"]
+    assert parts["base2"].clearance(0.0) == pytest.approx(0.725 - 0.35)
+    places = {name: camera.pose(0.0).position for name, camera in parts["world"].cameras.items()}
+    assert places["station"] == pytest.approx([5.0, 0.0, 0.5])
+    assert places["side"] == pytest.approx([3.0, 0.3, 0.35])
+    assert places["left"][2] == pytest.approx(0.8)
+
+
+def test_in_a_plan_a_head_without_a_place_has_no_cameras(write):
+    parts = build_parts(read_bench(write('plan = "corridor"')), seed=1)
+    assert list(parts) == ["head", "world", "base"]
+    assert not parts["world"].cameras
+
+
+def test_a_plan_file_lies_beside_the_benchs_file(write, tmp_path):
+    (tmp_path / "mine.toml").write_text("[[wall]]\npoints = [[-1.0, 1.0], [1.0, 1.0]]\n")
+    parts = build_parts(read_bench(write('head = false\nplan = "mine.toml"')), seed=1)
+    assert parts["base"].clearance(0.0) == pytest.approx(1.0 - 0.35)
+    with pytest.raises(ConfigError, match=r"other\.toml: No such file"):
+        read_bench(write('plan = "other.toml"'))
+
+
 def test_several_bases_share_a_line_or_have_their_own(write):
     config = read_bench(
         write('head = false\n[[base]]\n[[base]]\naddress = 0x11\n[[base]]\nline = "second"\n')
@@ -79,6 +124,28 @@ def test_every_key_of_a_base_can_be_given(write):
         ("[[base]]\nbumps = [{wheel = 'middle', at = 1}]", "base[0].bumps[0].wheel = 'middle'"),
         ("[head]\nfriction_counts = -1", "head.friction_counts = -1: expected `float` >= 0.0"),
         ("baud = ", "Invalid value (at end of document)"),
+        (
+            "[[camera]]\nname = 'left'\nmount = { on = 'base' }",
+            "camera[0].name = 'left': taken; choose another",
+        ),
+        (
+            "head = false\n[[camera]]\nname = 'a'\nmount = { on = 'base' }",
+            "camera: nothing to see; give a plan",
+        ),
+        (
+            "plan = 'bend'\n[[camera]]\nname = 'a'\nmount = { on = 'base2' }",
+            "camera[0].mount.on = 'base2': must be one of world, base",
+        ),
+        ("plan = 'bent'", "plan: no plan is called 'bent'; there are bend, corner, corridor"),
+        ("plan = 'bend'\n[head_on]\non = 'table'", "head_on.on = 'table': must be one of world, base"),
+        (
+            "plan = 'bend'\n[[camera]]\nname = 'a b'\nmount = { on = 'base' }",
+            "camera[0].name = 'a b': expected",
+        ),
+        (
+            "plan = 'bend'\n[[camera]]\nname = 'a'\nmount = { on = 'base' }\nwindow = [250, 0, 64, 32]",
+            "camera[0]: window(left=250, top=0, width=64, height=32) is not inside an image of 256 x 256",
+        ),
     ],
 )
 def test_a_mistake_names_file_key_value_and_what_is_allowed_in_one_line(write, text, said):
