@@ -48,14 +48,16 @@ class Layout:
 
     def _to_wire(self, index: int, value: float) -> int:
         field, (low, high) = self.fields[index], self._ranges[index]
-        unit = 1.0 if field.unit is None else field.unit
+        if field.unit is None:
+            if low <= value <= high and value == int(value):
+                return int(value)
+            raise CommandError(f"{self.message}: {field.name} {value} is outside {low}…{high}, whole numbers")
         if isfinite(value):
-            counts = round(value / unit) if field.unit is not None else int(value)
+            counts = round(value / field.unit)
             if low <= counts <= high:
                 return counts
-        raise CommandError(
-            f"{self.message}: {field.name} {value:.6g} is outside {low * unit:.6g}…{high * unit:.6g} (SI units)"
-        )
+        span = f"{low * field.unit:.6g}…{high * field.unit:.6g}"
+        raise CommandError(f"{self.message}: {field.name} {value:.6g} is outside {span} (SI units)")
 
 
 def _code_range(code: str) -> tuple[int, int]:

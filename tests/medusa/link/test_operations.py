@@ -42,7 +42,10 @@ def test_an_operation_does_one_thing(does: dict[str, bool]) -> None:
         Operation(0x40, "BOTH", **does)
 
 
-@pytest.mark.parametrize(("value", "told"), [(65536, "outside 0…65535"), (float("nan"), "timeout_ms nan")])
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(65536, "65536 is outside 0…65535"), (float("nan"), "timeout_ms nan"), (0.5, "0.5 is")],
+)
 def test_a_value_that_its_field_cannot_hold_is_refused_with_name_and_range(value: float, told: str) -> None:
     with pytest.raises(CommandError, match=told):
         Layout("WATCHDOG", Field("timeout_ms", "H")).pack(value)
