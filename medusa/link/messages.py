@@ -31,7 +31,7 @@ WATCHDOG: Final = Operation(
     0x04, "WATCHDOG", Layout("WATCHDOG", Field("timeout_ms", "H"), Field("action", "B"))
 )
 EMERGENCY_STOP: Final = Operation(0x05, "EMERGENCY_STOP", stops=True, urgent=True)
-CLEAR: Final = Operation(0x06, "CLEAR", stops=True)
+CLEAR: Final = Operation(0x06, "CLEAR", axis="either", stops=True)
 EVENT_MASK: Final = Operation(0x07, "EVENT_MASK", Layout("EVENT_MASK", Field("mask", "I")))
 
 OPERATIONS: Final = {

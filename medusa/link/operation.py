@@ -1,7 +1,7 @@
 """What a device can be asked for, as data: one row an operation."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 from medusa.link.layout import Layout
 
@@ -10,8 +10,9 @@ NOTHING: Final = Layout("an empty payload")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Operation:
-    """One operation of a device: its number and name, its fields, and what a request of it does.
+    """One operation of a device: its number and name, its fields and axis, and what a request of it does.
 
+    `axis`: whether a request is for one axis, for the whole device (0FH), or may be for either.
     Exactly one of these holds; without any of the three flags it acts:
 
     - `reads`: changes nothing that another request depends on; such requests overlap freely (up to four);
@@ -27,6 +28,7 @@ class Operation:
     name: str
     request: Layout = NOTHING
     reply: Layout | None = NOTHING
+    axis: Literal["one", "whole", "either"] = "whole"
     reads: bool = False
     moves: bool = False
     stops: bool = False

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from medusa.mc3000.axis import Axis
-from medusa.mc3000.board import BoardEvent, Operation
+from medusa.mc3000.board import BoardEvent, EventKind
 
 
 class Arrivals:
@@ -23,7 +23,7 @@ class Arrivals:
 
     def _listener(self, name: str) -> Callable[[BoardEvent], None]:
         def received(event: BoardEvent) -> None:
-            if event.operation is not Operation.PROFILE_DONE:
+            if event.kind is not EventKind.PROFILE_DONE:
                 return
             time = self._axes[name].board.clock.to_loop(event.time_us)
             if time is not None and time < self._since:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from medusa.errors import DeviceRestarted, HostGap, MedusaError
 from medusa.head.faults import Cause, Fault
 from medusa.mc3000.axis import Axis
-from medusa.mc3000.board import Board, BoardEvent, Inputs, Operation
+from medusa.mc3000.board import Board, BoardEvent, EventKind, Inputs
 
 log = logging.getLogger(__name__)
 
@@ -16,18 +16,18 @@ VOIDS_HOMING = frozenset({Cause.LIMIT, Cause.FOLLOWING, Cause.STALLED})
 """Within the soft limits no joint meets a switch or loses its command, unless its count is wrong."""
 
 _CAUSES = {
-    Operation.LIMIT_REACHED: Cause.LIMIT,
-    Operation.STOP_INPUT: Cause.STOP_INPUT,
-    Operation.EMERGENCY_STOPPED: Cause.EMERGENCY_STOP,
-    Operation.WATCHDOG_EXPIRED: Cause.WATCHDOG,
-    Operation.FOLLOWING_ERROR: Cause.FOLLOWING,
-    Operation.AMPLIFIER_FAULT: Cause.DRIVE,
+    EventKind.LIMIT_REACHED: Cause.LIMIT,
+    EventKind.STOP_INPUT: Cause.STOP_INPUT,
+    EventKind.EMERGENCY_STOPPED: Cause.EMERGENCY_STOP,
+    EventKind.WATCHDOG_EXPIRED: Cause.WATCHDOG,
+    EventKind.FOLLOWING_ERROR: Cause.FOLLOWING,
+    EventKind.AMPLIFIER_FAULT: Cause.DRIVE,
 }
 
 
 def fault_from_event(event: BoardEvent, joints: tuple[str, ...], time: float) -> Fault | None:
     """The fault that a board's event reports, None when the event reports none."""
-    cause = _CAUSES.get(event.operation)
+    cause = _CAUSES.get(event.kind)
     if cause is None or not joints:
         return None
     reason = cause.value

@@ -1,7 +1,7 @@
 """The three-axis servo board: registers, messages, driver."""
 
 from medusa.mc3000.board.board import Board
-from medusa.mc3000.board.messages import AxisSnapshot, BoardEvent, Latched, Operation, Settings, Snapshot
+from medusa.mc3000.board.messages import AxisSnapshot, BoardEvent, EventKind, Latched, Settings, Snapshot
 from medusa.mc3000.board.profile import Profile, make_profile, profile_samples
 from medusa.mc3000.board.registers import (
     Filter,
@@ -18,13 +18,13 @@ __all__ = [
     "AxisSnapshot",
     "Board",
     "BoardEvent",
+    "EventKind",
     "Filter",
     "Flags",
     "Inputs",
     "LatchSource",
     "Latched",
     "Mode",
-    "Operation",
     "Profile",
     "Register",
     "Settings",

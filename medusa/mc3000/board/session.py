@@ -6,14 +6,16 @@ from collections.abc import Callable
 
 from medusa.errors import DeviceSilent, NoReply, ProtocolError
 from medusa.link import Event, Hello, Session
+from medusa.link.messages import WHOLE_DEVICE
+from medusa.link.operation import Operation
 from medusa.mc3000.board import messages
 from medusa.mc3000.board.clock import BoardClock
-from medusa.mc3000.board.messages import BoardEvent, Operation
+from medusa.mc3000.board.messages import BoardEvent
+from medusa.mc3000.board.operations import AXES, INPUTS, OPERATIONS
 from medusa.mc3000.board.registers import WatchdogAction
 
 log = logging.getLogger(__name__)
 
-WHOLE_BOARD = 0x0F
 READ_TRIES = 3
 FRAME_OVERHEAD = 8
 """Bytes around a payload on the wire: four of the message, two of the CRC, COBS code and delimiter."""
@@ -31,11 +33,7 @@ class BoardSession:
         self._motions_answered = asyncio.Event()
         self._motions_answered.set()
         session.on_restart(lambda restarted: self.clock.reset())
-        session.name_operations(
-            {operation: operation.name for operation in Operation},
-            reply_sizes=messages.REPLY_SIZES,
-            event_size=messages.EVENT_SIZE,
-        )
+        session.describe(OPERATIONS, messages.EVENT_NAMES, event_size=messages.EVENT_SIZE)
         self._seconds_per_byte = BITS_PER_BYTE / baud
 
     @property
@@ -88,8 +86,8 @@ class BoardSession:
                 f" not an MC3000 ({messages.DEVICE_TYPE})"
             )
         axes, _ = messages.decode_board_part(hello.part)
-        if axes != messages.AXES:
-            raise ProtocolError(f"board {self.address:02X}H has {axes} axes, {messages.AXES} expected")
+        if axes != AXES:
+            raise ProtocolError(f"board {self.address:02X}H has {axes} axes, {AXES} expected")
         self.clock.reset()
         self._note_heard()
         await self.session.event_mask(messages.EVENT_MASK_ALL)
@@ -101,34 +99,21 @@ class BoardSession:
     async def _request(
         self,
         operation: Operation,
-        axis: int = WHOLE_BOARD,
+        axis: int = WHOLE_DEVICE,
         payload: bytes = b"",
         *,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
-        urgent: bool = False,
         reply_size: int | None = None,
         deadline: float | None = None,
     ) -> bytes:
-        # Of the stops only STOP goes ahead of a full window (docs/protocols, serial link).
-        if moves:
+        if operation.moves:
             self._motions += 1
             self._motions_answered.clear()
         try:
             reply = await self.session.request(
-                operation,
-                axis,
-                payload,
-                reads=reads,
-                moves=moves,
-                stops=stops,
-                urgent=urgent,
-                reply_size=reply_size,
-                deadline=deadline,
+                operation, axis, payload, reply_size=reply_size, deadline=deadline
             )
         finally:
-            if moves:
+            if operation.moves:
                 self._motions -= 1
                 if self._motions == 0:
                     self._motions_answered.set()
@@ -138,7 +123,7 @@ class BoardSession:
     async def _read(
         self,
         operation: Operation,
-        axis: int = WHOLE_BOARD,
+        axis: int = WHOLE_DEVICE,
         payload: bytes = b"",
         *,
         reply_size: int | None = None,
@@ -147,26 +132,19 @@ class BoardSession:
         """The reply to a request that only reads, asked anew when the link's repeats were not answered."""
         for _ in range(READ_TRIES - 1):
             try:
-                return await self._request(
-                    operation, axis, payload, reads=True, reply_size=reply_size, deadline=deadline
-                )
+                return await self._request(operation, axis, payload, reply_size=reply_size, deadline=deadline)
             except DeviceSilent:
                 raise
             except NoReply as error:
                 log.warning("asking again: %s", error)
-        return await self._request(
-            operation, axis, payload, reads=True, reply_size=reply_size, deadline=deadline
-        )
-
-    async def _ask(self, operation: Operation, axis: int = WHOLE_BOARD) -> dict[str, int]:
-        return messages.decode_reply(operation, await self._read(operation, axis))
+        return await self._request(operation, axis, payload, reply_size=reply_size, deadline=deadline)
 
     async def feed(self, deadline: float) -> None:
         """Feed the watchdog by asking for an axis' inputs, with `deadline` (s) for each sending.
 
         Not by PING, which a restarted board answers as if nothing had happened.
         """
-        await self._read(Operation.INPUTS, 0, deadline=deadline)
+        await self._read(INPUTS, 0, deadline=deadline)
 
     async def ping(self) -> int:
         """Feed the watchdog and hear that the board lives; its time, µs since power-up."""
@@ -179,7 +157,7 @@ class BoardSession:
         await self.session.watchdog(timeout_ms, action)
         self._note_heard()
 
-    async def clear(self, axis: int = WHOLE_BOARD) -> None:
+    async def clear(self, axis: int = WHOLE_DEVICE) -> None:
         """Release what is latched and whose cause is gone; what remains is to be read back."""
         await self.session.clear(axis)
 

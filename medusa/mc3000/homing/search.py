@@ -14,7 +14,7 @@ from medusa.errors import DeviceFault
 from medusa.head.faults import Cause, Fault
 from medusa.head.stopping import READ_BACK_SECONDS
 from medusa.mc3000.axis import Axis
-from medusa.mc3000.board import AxisSnapshot, BoardEvent, Flags, Inputs, LatchSource, Mode, Operation
+from medusa.mc3000.board import AxisSnapshot, BoardEvent, EventKind, Flags, Inputs, LatchSource, Mode
 from medusa.mc3000.board.board import check_position
 from medusa.mc3000.fault_reports import FaultReports
 
@@ -315,15 +315,15 @@ def _is_stopped(seen: AxisSnapshot) -> bool:
 
 def _leg_listener(axis: Axis, ended: "asyncio.Future[Leg]") -> Callable[[BoardEvent], None]:
     endings = {
-        Operation.LATCH_CAUGHT: Ending.CAUGHT,
-        Operation.LIMIT_REACHED: Ending.LIMIT,
-        Operation.PROFILE_DONE: Ending.DONE,
+        EventKind.LATCH_CAUGHT: Ending.CAUGHT,
+        EventKind.LIMIT_REACHED: Ending.LIMIT,
+        EventKind.PROFILE_DONE: Ending.DONE,
     }
 
     began = asyncio.get_running_loop().time()
 
     def heard(event: BoardEvent) -> None:
-        ending = endings.get(event.operation)
+        ending = endings.get(event.kind)
         time = axis.board.clock.to_loop(event.time_us)
         # An event of an earlier leg that had to be repeated ends no later one.
         stale = time is not None and time < began

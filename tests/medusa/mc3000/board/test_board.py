@@ -11,12 +11,12 @@ from medusa.link import Line
 from medusa.mc3000.board import (
     Board,
     BoardEvent,
+    EventKind,
     Filter,
     Flags,
     Inputs,
     LatchSource,
     Mode,
-    Operation,
     Profile,
     Register,
     Settings,
@@ -102,7 +102,7 @@ async def test_filter_and_profile_read_back_as_written(board: Board) -> None:
 
 
 async def test_a_byte_that_does_not_fit_is_refused_by_name(board: Board) -> None:
-    with pytest.raises(CommandError, match="K=256"):
+    with pytest.raises(CommandError, match="FILTER: K 256 is outside 0…255"):
         await board.filter(SPARE, Filter(0, 0, 256, 255))
 
 
@@ -144,7 +144,7 @@ async def test_an_armed_move_waits_for_start_and_tells_its_end(board: Board) -> 
     await board.start(1 << SPARE)
     # D/v + v/a = 100/10 + 10 samples of 2.048 ms = 41 ms, and an event on the line.
     await asyncio.sleep(0.06)
-    assert [(e.operation, e.axis) for e in events] == [(Operation.PROFILE_DONE, SPARE)]
+    assert [(e.kind, e.axis) for e in events] == [(EventKind.PROFILE_DONE, SPARE)]
     assert (await board.snapshot()).axes[SPARE].command == 100
 
 
@@ -172,7 +172,7 @@ async def test_inputs_and_the_limit_latch(sim: SimulatedHead, board: Board) -> N
     sim.bench.inject("head.switch", axis="pan", side="negative", held="closed")
     await asyncio.sleep(0.05)
     assert await board.inputs(PAN) == Inputs.NEGATIVE_LIMIT | Inputs.LIMIT_LATCHED
-    assert events[0].operation is Operation.LIMIT_REACHED
+    assert events[0].kind is EventKind.LIMIT_REACHED
     assert events[0].inputs & Inputs.NEGATIVE_LIMIT
     await board.clear(PAN)
     assert await board.inputs(PAN) & Inputs.LIMIT_LATCHED
@@ -200,7 +200,7 @@ async def test_the_latch_catches_the_home_edge(sim: SimulatedHead, board: Board)
     caught = await board.latched(PAN)
     assert (caught.source, caught.caught) == (LatchSource.DISARMED, True)
     assert 833 <= caught.position <= 1112
-    assert [(e.operation, e.position) for e in events] == [(Operation.LATCH_CAUGHT, caught.position)]
+    assert [(e.kind, e.position) for e in events] == [(EventKind.LATCH_CAUGHT, caught.position)]
     await board.latch(PAN, LatchSource.DISARMED)
     assert not (await board.latched(PAN)).caught
 
@@ -231,7 +231,7 @@ async def test_an_unfed_watchdog_idles_every_axis_and_says_so(board: Board) -> N
     snapshot = await board.snapshot()
     assert snapshot.axes[SPARE].mode is Mode.IDLE
     assert all(axis.inputs & Inputs.WATCHDOG_EXPIRED for axis in snapshot.axes)
-    assert [(e.operation, e.axis, e.detail) for e in events] == [(Operation.WATCHDOG_EXPIRED, None, 0)]
+    assert [(e.kind, e.axis, e.detail) for e in events] == [(EventKind.WATCHDOG_EXPIRED, None, 0)]
 
 
 async def test_ping_and_snapshots_tell_the_boards_time(board: Board) -> None:

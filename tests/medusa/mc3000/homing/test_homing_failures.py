@@ -6,7 +6,7 @@ import math
 import pytest
 
 from medusa.head.joint_group import JointGroup
-from medusa.mc3000.board import BoardEvent, Operation
+from medusa.mc3000.board import BoardEvent, EventKind
 from medusa.mc3000.drive import Mc3000Drive
 from medusa.mc3000.homing.search import HomingError, HomingFailure
 from medusa.mc3000.mark import NO_MARK
@@ -68,7 +68,7 @@ async def test_still_on_the_sensor_after_retract(sim: SimulatedHead) -> None:
     async with sim.open() as head:
 
         def stick(event: BoardEvent) -> None:
-            if event.operation is Operation.LATCH_CAUGHT:
+            if event.kind is EventKind.LATCH_CAUGHT:
                 sim.bench.inject("head.sensor", axis="pan", stuck="on")
 
         Mc3000Drive.of(head).axes["pan"].subscribe(stick)
