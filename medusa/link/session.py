@@ -45,8 +45,8 @@ class Session:
     """One device's requests, replies and events.
 
     After the port vanished, the device fell silent or restarted, the line reopens and repeats the handshake on
-    its own. From then on everything but motion is accepted; requests with `moves=True` are refused (CommandError)
-    until the driver calls `open()` again: it has to restore watchdog, event mask and settings first.
+    its own. From then on everything but motion is accepted; operations that move are refused (CommandError) until
+    the driver calls `open()` again: it has to restore watchdog, event mask and settings first.
     """
 
     def __init__(self, line: "Line", address: int) -> None:
@@ -63,8 +63,6 @@ class Session:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due = NEVER
         self._names = {code: operation.name for code, operation in OPERATIONS.items()}
-        self._reply_sizes: dict[int, int] = {}
-        self._by_keywords: dict[tuple[int, bool, bool, bool, bool], Operation] = {}
         self._subscribers: list[Callable[[Event], None]] = []
         self._restart_watchers: list[Callable[[MedusaError], None]] = []
         self._loss_watchers: list[Callable[[MedusaError], None]] = []
@@ -121,22 +119,16 @@ class Session:
 
     async def request(
         self,
-        operation: Operation | int,
+        operation: Operation,
         axis: int = WHOLE_DEVICE,
         payload: bytes = b"",
         *,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
-        urgent: bool | None = None,
         reply_size: int | None = None,
         deadline: float | None = None,
     ) -> bytes:
         """Send one request and return its reply's payload.
 
-        `operation`: what is asked for, and with it how the request depends on others (`Operation`). A device
-        without a table of its own gives the number alone and says `reads`, `moves`, `stops`, `urgent` (default:
-        as `stops`) at each call.
+        `operation`: what is asked for, and with it how the request depends on others (`Operation`).
         `reply_size`: bytes in a good reply, where the operation leaves them open; another is damage.
         `deadline`: seconds for each of three sendings (default: the line's `reply_timeout`).
 
@@ -144,10 +136,6 @@ class Session:
         DeviceRestarted (answered "no HELLO since power-up"), HostGap (a motion after one). Cancelling is safe.
         """
         line = self.line
-        if isinstance(operation, int):
-            if reply_size is None:
-                reply_size = self._reply_sizes.get(operation)
-            operation = self._operation(operation, reads, moves, stops, stops if urgent is None else urgent)
         if not line.is_open:
             raise PortError(line.path, line.closed_because)
         if operation.moves and not self.may_move and self._exchange.contact.gap is None:
@@ -244,18 +232,6 @@ class Session:
         self._names.update(events)
         self._exchange.event_size = event_size
 
-    def name_operations(
-        self,
-        names: Mapping[int, str],
-        *,
-        reply_sizes: Mapping[int, int] | None = None,
-        event_size: int | None = None,
-    ) -> None:
-        """Name operations and events of a device without a table, with the payload sizes of good replies."""
-        self._names.update(names)
-        self._reply_sizes.update(reply_sizes or {})
-        self._exchange.event_size = event_size
-
     def name(self, operation: int) -> str:
         """Return the operation's name for messages."""
         return self._names.get(operation) or f"operation {operation:02X}H"
@@ -308,20 +284,6 @@ class Session:
         log.warning("%s", gap)
         self.may_move = False
         _notify(self._gap_watchers, gap)
-
-    def _operation(self, code: int, reads: bool, moves: bool, stops: bool, urgent: bool) -> Operation:
-        """Return the row for a number that is asked for by keywords; the shared operations have theirs."""
-        shared = OPERATIONS.get(code)
-        if shared is not None:
-            return shared
-        key = (code, reads, moves, stops, urgent)
-        found = self._by_keywords.get(key)
-        if found is None:
-            found = Operation(
-                code, self.name(code), reply=None, reads=reads, moves=moves, stops=stops, urgent=urgent
-            )
-            self._by_keywords[key] = found
-        return found
 
     def _time(self) -> float:
         if self._loop is None:

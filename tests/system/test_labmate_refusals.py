@@ -30,7 +30,7 @@ async def session(sim: SimulatedBase) -> AsyncIterator[Session]:
 
 
 async def ask(
-    session: Session, operation: Operation | int, message: Message | bytes = b"", axis: int = 0x0F
+    session: Session, operation: Operation, message: Message | bytes = b"", axis: int = 0x0F
 ) -> bytes:
     payload = message if isinstance(message, bytes) else message.encode()
     return await session.request(operation, axis, payload)
@@ -101,8 +101,8 @@ GO, BACK_UP, TURN, SET = m.Go(0.1), m.Go(-0.1), m.Turn(0.1), m.SetPose(1.0, 1.0,
 @pytest.mark.parametrize(
     ("setting", "operation", "message", "answer"),
     [
-        (nothing, 0x39, b"", 1),
-        (nothing, 0x2F, b"", 1),
+        (nothing, Operation(0x39, "unknown"), b"", 1),
+        (nothing, Operation(0x2F, "unknown"), b"", 1),
         (nothing, m.POSE, b"\0", 3),
         (nothing, m.GO, b"\0\0", 3),
         (nothing, m.DRIVE, b"", 3),
@@ -184,7 +184,7 @@ async def test_the_base_answers_as_its_page_says(
     session: Session,
     sim: SimulatedBase,
     setting: Callable[[Session, SimulatedBase], Awaitable[None]],
-    operation: Operation | int,
+    operation: Operation,
     message: Message | bytes,
     answer: int,
 ) -> None:

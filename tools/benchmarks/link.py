@@ -29,12 +29,12 @@ from time import perf_counter, thread_time
 
 from cobs import cobs
 
-from medusa.link import Line
+from medusa.link import Line, Operation
 from medusa.link.frame import REPLY, REQUEST, Message, decode_body, encode_frame
 from medusa.link.messages import HELLO
 
 DEADLINE = 0.1
-READ, PAYLOAD = 0x10, b"\x0d\x01"
+READ, PAYLOAD = Operation(0x10, "READ", reply=None, reads=True), b"\x0d\x01"
 OURS = "medusa.link"
 GOALS = {"bare add_reader": 0.6, "pyserial-asyncio-fast, framed": 1.3, "serialx, framed": 1.3}
 Ask = Callable[[], Awaitable[object]]
@@ -43,8 +43,8 @@ Ask = Callable[[], Awaitable[object]]
 def replies() -> dict[bytes, bytes]:
     """Return the answer to each of the 64 requests there are, all of 10 bytes."""
     return {
-        encode_frame(Message(1, REQUEST, n, READ, 0, PAYLOAD)): encode_frame(
-            Message(1, REPLY, n, READ, 0, PAYLOAD)
+        encode_frame(Message(1, REQUEST, n, READ.code, 0, PAYLOAD)): encode_frame(
+            Message(1, REPLY, n, READ.code, 0, PAYLOAD)
         )
         for n in range(64)
     }
@@ -143,7 +143,7 @@ def through_streams(
         async def ask_framed() -> object:
             nonlocal number
             number = (number + 1) % 64
-            writer.write(encode_frame(Message(1, REQUEST, number, READ, 0, PAYLOAD)))
+            writer.write(encode_frame(Message(1, REQUEST, number, READ.code, 0, PAYLOAD)))
             async with asyncio.timeout(DEADLINE):
                 while True:
                     item = decode_body((await reader.readuntil(b"\0"))[:-1])
@@ -166,7 +166,7 @@ async def session(path: str) -> AsyncIterator[Ask]:
     async with Line(path, reply_timeout=DEADLINE) as line:
         ours = line.session(1)
         await ours.open()
-        yield lambda: ours.request(READ, 0, PAYLOAD, reads=True)
+        yield lambda: ours.request(READ, 0, PAYLOAD)
 
 
 PATHS: dict[str, Callable[[str], contextlib.AbstractAsyncContextManager[Ask]]] = {

@@ -12,20 +12,18 @@ from typing import Any
 import pytest
 
 from medusa.errors import HostGap, Withdrawn
-from medusa.link import Line, Operation, Session
+from medusa.link import Line, Session
 from medusa.link.contact import Contact, seconds_suspended
 from medusa.link.frame import EVENT, Message, decode_body, encode_frame
 from sim_devices.clock import VirtualTimeLoop
 from sim_devices.link.device import LinkDevice
 from sim_devices.link.faults import FaultPlan
 from sim_devices.link.line import Line as EmulatedLine
+from tests.medusa.link import toy_operations
 
 HELLO, PING, WATCHDOG = 0x01, 0x02, 0x04
 READ, STOP, ACT, MOVE = 0x31, 0x20, 0x32, 0x19
 MS_500 = b"\xf4\x01\x00"
-TOY_READ = Operation(0x31, "READ", reply=None, reads=True)
-TOY_STOP = Operation(0x33, "STOP", stops=True, urgent=True)
-TOY_MOVE = Operation(0x35, "MOVE", moves=True)
 
 
 @pytest.fixture
@@ -200,7 +198,7 @@ async def moving(
         await session.open()
         await session.event_mask(0xFFFFFFFF)
         await session.watchdog(500)
-        await session.request(TOY_MOVE, 0)
+        await session.request(toy_operations.MOVE, 0)
         yield line, session, gaps
 
 
@@ -209,17 +207,17 @@ def executed(device: LinkDevice) -> list[int]:
 
 
 async def assert_nothing_moves_before_open(device: LinkDevice, session: Session) -> None:
-    before = executed(device).count(TOY_MOVE.code)
+    before = executed(device).count(toy_operations.MOVE.code)
     for _ in range(20):
         with pytest.raises(HostGap, match="was not fed for"):
-            await session.request(TOY_MOVE, 0)
+            await session.request(toy_operations.MOVE, 0)
         await session.ping()
         await asyncio.sleep(0.1)
     assert not session.may_move
-    assert executed(device).count(TOY_MOVE.code) == before
+    assert executed(device).count(toy_operations.MOVE.code) == before
     await session.open()
-    await session.request(TOY_MOVE, 0)
-    assert executed(device).count(TOY_MOVE.code) == before + 1
+    await session.request(toy_operations.MOVE, 0)
+    assert executed(device).count(toy_operations.MOVE.code) == before + 1
 
 
 async def test_a_suspended_host_moves_nothing_when_it_wakes_up(toy: Any) -> None:
@@ -228,7 +226,7 @@ async def test_a_suspended_host_moves_nothing_when_it_wakes_up(toy: Any) -> None
         # A jump of the clock alone: the emulated device sees no time pass, so its event cannot help.
         away[0] = 3600.0
         with pytest.raises(HostGap, match=r"not fed for 3600\.0. s"):
-            await session.request(TOY_MOVE, 0)
+            await session.request(toy_operations.MOVE, 0)
         assert len(gaps) == 1
         await assert_nothing_moves_before_open(device, session)
 
@@ -257,7 +255,7 @@ async def test_an_event_loop_blocked_by_its_own_work_moves_nothing_afterwards(to
 
 async def _renew(session: Session) -> None:
     while True:
-        await session.request(TOY_MOVE, 0)
+        await session.request(toy_operations.MOVE, 0)
         await asyncio.sleep(0.05)
 
 
@@ -270,8 +268,8 @@ async def test_polls_that_find_the_gap_first_do_not_hide_it(toy: Any) -> None:
         assert line.ping_all()
         assert len(gaps) == 1
         for _ in range(3):
-            await session.request(TOY_READ)
-        await session.request(TOY_STOP)
+            await session.request(toy_operations.READ)
+        await session.request(toy_operations.STOP)
         await assert_nothing_moves_before_open(device, session)
         assert len(gaps) == 1
 
@@ -325,7 +323,7 @@ async def test_a_motion_that_waits_in_a_stuck_port_does_not_leave_after_a_gap() 
             # The peer stops reading until the driver takes no more; then a motion is asked for.
             while not line._port.backlog_bytes:
                 line.write(b"\x01" * 63 + b"\0")
-            motion = asyncio.create_task(session.request(TOY_MOVE, 0))
+            motion = asyncio.create_task(session.request(toy_operations.MOVE, 0))
             await asyncio.sleep(0)
             loop.block(2.0)
             got = b""
@@ -338,7 +336,7 @@ async def test_a_motion_that_waits_in_a_stuck_port_does_not_leave_after_a_gap() 
                     await asyncio.sleep(0)
             with pytest.raises(Withdrawn, match="it did not act"):
                 await motion
-            assert bytes((1, 2, TOY_MOVE.code)) not in got
+            assert bytes((1, 2, toy_operations.MOVE.code)) not in got
             assert len(got) % 64 == 0
     finally:
         os.close(master)

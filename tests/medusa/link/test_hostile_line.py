@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from medusa.errors import CommandError, MedusaError, PortError, ProtocolError
-from medusa.link import Line
+from medusa.link import Line, Operation
+from medusa.link.messages import EMERGENCY_STOP
 from sim_devices.clock import VirtualTimeLoop
 from sim_devices.link.device import LinkDevice
 from sim_devices.link.faults import FaultPlan
 from sim_devices.link.line import Line as EmulatedLine
+from tests.medusa.link.toy_operations import ADD, MOVE, RAISE_EVENT, READ, STOP
 
-ESTOP, CLEAR = 0x05, 0x06
-SET, READ, ADD, STOP, RAISE_EVENT, MOVE = 0x30, 0x31, 0x32, 0x33, 0x34, 0x35
 REQUEST_SIZES = {READ: 4, ADD: 5, STOP: 4, RAISE_EVENT: 5, MOVE: 4}
 REPLY_SIZES = {READ: 8, ADD: 5, STOP: 4, RAISE_EVENT: 5, MOVE: 4}
 DEADLINE = 0.1
@@ -58,7 +58,7 @@ class Hostile(RuleBasedStateMachine):
     ) -> None:
         self.loop = VirtualTimeLoop()
         self.toy = self.make_toy()
-        self.toy.sizes = REQUEST_SIZES
+        self.toy.sizes = {operation.code: size for operation, size in REQUEST_SIZES.items()}
         self.device = LinkDevice(1, self.toy, boot_count=7)
         self.device.journal = []
         plan = FaultPlan(
@@ -85,13 +85,13 @@ class Hostile(RuleBasedStateMachine):
         self.line = Line(self.emulated.path, reply_timeout=DEADLINE, seed=seed)
         await self.line.open()
         self.session = self.line.session(1)
-        # Without the sizes a frame whose 00 was hit would pass, with the next one as part of its payload.
-        self.session.name_operations({}, reply_sizes=REPLY_SIZES, event_size=4)
+        # Without its size a frame whose 00 was hit would pass, with the next one as part of its payload.
+        self.session.describe(REPLY_SIZES, {}, event_size=4)
         self.session.subscribe(lambda event: self.events.append(struct.unpack("<I", event.payload)[0]))
         await self._greet()
         # So that the numbers' wrap falls anywhere in an example.
         for _ in range(start):
-            await self._ask(READ, reads=True)
+            await self._ask(READ)
 
     async def _greet(self) -> None:
         for _ in range(50):
@@ -108,23 +108,17 @@ class Hostile(RuleBasedStateMachine):
 
     async def _ask(
         self,
-        operation: int,
+        operation: Operation,
         axis: int = 0x0F,
-        *,
-        reads: bool = False,
-        moves: bool = False,
-        stops: bool = False,
     ) -> None:
         self.tag += 1
         tag = self.tag
         mark = struct.pack("<I", tag)
         payload = {ADD: b"\x01" + mark, RAISE_EVENT: b"\x41" + mark}.get(operation, mark)
         counted["requests"] += 1
-        self.submitted[tag] = operation
+        self.submitted[tag] = operation.code
         try:
-            reply = await self.session.request(
-                operation, axis, payload, reads=reads, moves=moves, stops=stops
-            )
+            reply = await self.session.request(operation, axis, payload, reply_size=REPLY_SIZES[operation])
         except CommandError as error:
             counted["refused"] += 1
             # 3: each sending ran into the next frame, which the device sees as a wrong length.
@@ -140,9 +134,9 @@ class Hostile(RuleBasedStateMachine):
             if mark not in reply:
                 self.failures.append(f"request {tag} was given {reply.hex()}")
 
-    def _start(self, operation: int, axis: int = 0x0F, **how: bool) -> None:
+    def _start(self, operation: Operation, axis: int = 0x0F) -> None:
         async def begin() -> None:
-            task = asyncio.create_task(self._ask(operation, axis, **how))
+            task = asyncio.create_task(self._ask(operation, axis))
             self.tasks.add(task)
             task.add_done_callback(self.tasks.discard)
             await asyncio.sleep(0)
@@ -153,7 +147,7 @@ class Hostile(RuleBasedStateMachine):
     @rule(count=st.integers(1, 8))
     def read(self, count: int) -> None:
         for _ in range(count):
-            self._start(READ, reads=True)
+            self._start(READ)
 
     @rule(count=st.integers(1, 4), axis=st.sampled_from([0, 1, 2, 0x0F]))
     def add(self, count: int, axis: int) -> None:
@@ -162,11 +156,11 @@ class Hostile(RuleBasedStateMachine):
 
     @rule(axis=st.sampled_from([0, 1, 2]))
     def move(self, axis: int) -> None:
-        self._start(MOVE, axis, moves=True)
+        self._start(MOVE, axis)
 
     @rule(axis=st.sampled_from([0, 0x0F]))
     def stop(self, axis: int) -> None:
-        self._start(STOP, axis, stops=True)
+        self._start(STOP, axis)
 
     @rule()
     def raise_event(self) -> None:
@@ -226,31 +220,34 @@ class Hostile(RuleBasedStateMachine):
     def check(self) -> None:
         assert self.failures == []
         acted = [e for e in self.device.journal or [] if e.status == 0 and e.operation >= 0x30]
-        tags = [(e.operation, struct.unpack("<I", e.payload[-4:])[0]) for e in acted if e.operation != READ]
+        tags = [
+            (e.operation, struct.unpack("<I", e.payload[-4:])[0]) for e in acted if e.operation != READ.code
+        ]
         assert [tag for tag, times in Counter(tags).items() if times > 1] == [], "acted twice"
         assert all(self.submitted[tag] == operation for operation, tag in tags)
         # A 01 put before a frame makes it a broadcast of what was its number (link.md's CRC does not see leading
         # zeros), 5 an emergency stop; its "axis" is then the operation, never 0FH.
         estops = sum(
-            (e.operation, e.axis, e.payload) == (ESTOP, 0x0F, b"") for e in self.device.journal or []
+            (e.operation, e.axis, e.payload) == (EMERGENCY_STOP.code, 0x0F, b"")
+            for e in self.device.journal or []
         )
         assert estops <= self.estops, "an emergency stop acted twice"
         latest_stop = 0
         for operation, tag in tags:
-            if operation == STOP:
+            if operation == STOP.code:
                 latest_stop = max(latest_stop, tag)
-            elif operation == MOVE:
+            elif operation == MOVE.code:
                 assert tag > latest_stop, "a motion acted after a later stop"
         for axis in (0, 1, 2):
             ordered = [
                 struct.unpack("<I", entry.payload[-4:])[0]
                 for entry in acted
-                if entry.operation in (ADD, MOVE, RAISE_EVENT) and entry.axis in (axis, 0x0F)
+                if entry.operation in (ADD.code, MOVE.code, RAISE_EVENT.code) and entry.axis in (axis, 0x0F)
             ]
             assert ordered == sorted(ordered), "what acts on one axis acted in another order than asked"
         assert max(Counter(self.events).values(), default=1) == 1, "an event was handed on twice"
         counted["acted"] += len(tags)
-        counted["moves"] += sum(operation == MOVE for operation, _ in tags)
+        counted["moves"] += sum(operation == MOVE.code for operation, _ in tags)
         counted["repeats"] += self.session.counters.repeats
         counted["late"] += self.session.counters.late_replies
 

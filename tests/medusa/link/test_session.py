@@ -7,13 +7,12 @@ from contextlib import asynccontextmanager
 import pytest
 
 from medusa.errors import CommandError, DeviceRestarted, DeviceSilent, MedusaError, NoReply, PortError
-from medusa.link import Event, Line
+from medusa.link import Event, Line, Operation
+from medusa.link.messages import EMERGENCY_STOP
 from sim_devices.link.device import Application, LinkDevice
 from sim_devices.link.faults import FaultPlan
 from sim_devices.link.line import Line as EmulatedLine
-
-SET, READ, ADD, STOP, RAISE_EVENT, MOVE = 0x30, 0x31, 0x32, 0x33, 0x34, 0x35
-ESTOP = 0x05
+from tests.medusa.link.toy_operations import MOVE, RAISE_EVENT, READ, SET
 
 
 @asynccontextmanager
@@ -29,8 +28,8 @@ async def connected(
         yield emulated, line
 
 
-def journal(device: LinkDevice, operation: int) -> list[object]:
-    return [entry for entry in device.journal or [] if entry.operation == operation]
+def journal(device: LinkDevice, operation: Operation) -> list[object]:
+    return [entry for entry in device.journal or [] if entry.operation == operation.code]
 
 
 async def test_hello_tells_what_the_device_is(toy: Application) -> None:
@@ -62,7 +61,7 @@ async def test_before_open_nothing_can_be_asked(toy: Application) -> None:
         with pytest.raises(CommandError, match="no session is open"):
             await line.session(1).ping()
         with pytest.raises(CommandError, match="no motion before"):
-            await line.session(1).request(MOVE, moves=True)
+            await line.session(1).request(MOVE, 0)
 
 
 async def test_a_line_that_is_not_open_says_so() -> None:
@@ -83,10 +82,10 @@ async def test_forty_four_of_fifty_answers_are_not_wrong_after_one_late_reply(to
         await session.open()
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(0.001):
-                await session.request(READ, payload=b"lost", reads=True)
+                await session.request(READ, payload=b"lost")
         for number in range(50):
             mark = number.to_bytes(4, "little")
-            assert (await session.request(READ, payload=mark, reads=True))[4:] == mark
+            assert (await session.request(READ, payload=mark))[4:] == mark
         assert session.counters.late_replies == 1
 
 
@@ -95,7 +94,7 @@ async def test_requests_of_many_tasks_each_get_their_own_reply(toy: Application)
         session = line.session(1)
         await session.open()
         marks = [number.to_bytes(4, "little") for number in range(200)]
-        replies = await asyncio.gather(*(session.request(READ, payload=mark, reads=True) for mark in marks))
+        replies = await asyncio.gather(*(session.request(READ, payload=mark) for mark in marks))
         assert [reply[4:] for reply in replies] == marks
 
 
@@ -147,7 +146,7 @@ async def test_a_vanished_port_ends_every_pending_request_at_once(toy: Applicati
         lost: list[MedusaError] = []
         session.on_lost(lost.append)
         loop = asyncio.get_running_loop()
-        pending = [asyncio.create_task(session.request(READ, reads=True)) for _ in range(8)]
+        pending = [asyncio.create_task(session.request(READ)) for _ in range(8)]
         await asyncio.sleep(0)
         start = loop.time()
         emulated.unplug()
@@ -168,7 +167,7 @@ async def test_a_port_that_comes_back_is_opened_and_greeted_and_nothing_moves_be
     async with connected(device) as (emulated, line):
         session = line.session(1)
         await session.open()
-        moving = asyncio.create_task(session.request(MOVE, 0, moves=True))
+        moving = asyncio.create_task(session.request(MOVE, 0))
         await asyncio.sleep(0)
         emulated.unplug()
         with pytest.raises(PortError, match="may have acted"):
@@ -181,10 +180,10 @@ async def test_a_port_that_comes_back_is_opened_and_greeted_and_nothing_moves_be
         assert session.generation == 2
         await session.ping()
         with pytest.raises(CommandError, match="no motion before"):
-            await session.request(MOVE, 0, moves=True)
+            await session.request(MOVE, 0)
         assert len(journal(device, MOVE)) == before
         await session.open()
-        await session.request(MOVE, 0, moves=True)
+        await session.request(MOVE, 0)
         assert len(journal(device, MOVE)) == before + 1
 
 
@@ -270,13 +269,13 @@ async def test_an_emergency_stop_of_the_line_is_sent_three_times_and_then_to_eac
     async with connected(first, second) as (_, line):
         await line.session(1).open()
         line.session(2)
-        moving = [asyncio.create_task(line.session(1).request(MOVE, axis, moves=True)) for axis in (0, 1, 2)]
+        moving = [asyncio.create_task(line.session(1).request(MOVE, axis)) for axis in (0, 1, 2)]
         await asyncio.sleep(0)
         await line.emergency_stop()
         results = await asyncio.gather(*moving, return_exceptions=True)
         assert all(isinstance(result, NoReply) for result in results)
         # Also a device that no HELLO opened stops.
-        assert len(journal(first, ESTOP)) == len(journal(second, ESTOP)) == 4
+        assert len(journal(first, EMERGENCY_STOP)) == len(journal(second, EMERGENCY_STOP)) == 4
         assert toy.latched
 
 

@@ -8,6 +8,7 @@ import pytest
 from medusa.link import Line, Trace
 from sim_devices.link.device import Application, LinkDevice
 from sim_devices.link.line import Line as EmulatedLine
+from tests.medusa.link.toy_operations import ADD
 
 
 async def test_each_line_tells_time_direction_bytes_and_meaning(toy: Application, tmp_path: Path) -> None:
@@ -17,9 +18,9 @@ async def test_each_line_tells_time_direction_bytes_and_meaning(toy: Application
         Line(emulated.path, trace=trace, name="mc3000", seed=5) as line,
     ):
         session = line.session(1)
-        session.name_operations({0x32: "ADD"})
+        session.describe([ADD], {}, event_size=None)
         await session.open()
-        await session.request(0x32, 2, b"\x07")
+        await session.request(ADD, 2, b"\x07")
         line.ping_all()
     trace.close()
     lines = (tmp_path / "wire.txt").read_text().splitlines()
