@@ -145,6 +145,9 @@ class Session:
                 operation=operation.code,
                 axis=axis,
             )
+        if axis == WHOLE_DEVICE and operation.axis == "one":
+            text = f"device {self.address:02X}H, {operation.name}: is for one axis, none was given"
+            raise CommandError(text, operation=operation.code)
         if len(payload) > MAX_PAYLOAD:
             text = f"device {self.address:02X}H, {operation.name}: payload of {len(payload)} bytes"
             raise CommandError(f"{text}, at most {MAX_PAYLOAD}", operation=operation.code, axis=axis)

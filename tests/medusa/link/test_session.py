@@ -64,6 +64,15 @@ async def test_before_open_nothing_can_be_asked(toy: Application) -> None:
             await line.session(1).request(MOVE, 0)
 
 
+async def test_an_operation_on_one_axis_is_refused_when_none_is_given(toy: Application) -> None:
+    device = LinkDevice(1, toy, boot_count=7)
+    async with connected(device) as (_, line):
+        await line.session(1).open()
+        with pytest.raises(CommandError, match="device 01H, MOVE: is for one axis, none was given"):
+            await line.session(1).request(MOVE)
+        assert journal(device, MOVE) == []
+
+
 async def test_a_line_that_is_not_open_says_so() -> None:
     with pytest.raises(PortError, match="not open"):
         await Line("/dev/x").session(1).ping()
