@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from medusa.errors import CommandError, DeviceFault, DeviceRestarted, Fault, HostGap, MedusaError
+from medusa.errors import CommandError, DeviceFault, DeviceRestarted, HostGap, MedusaError, Origin
 
 if TYPE_CHECKING:
     from labmate.motion import MotionReport
@@ -37,7 +37,7 @@ class StopNotConfirmed(DeviceFault):
 class StalePose(MedusaError):
     """A pose too old to steer by."""
 
-    fault: ClassVar[Fault] = "line"
+    origin: ClassVar[Origin] = "line"
 
 
 class BatteryLow(CommandError):

@@ -1,8 +1,8 @@
-"""What can go wrong, and whose fault it was (`fault`)."""
+"""What can go wrong, and where it came from (`origin`)."""
 
 from typing import Any, ClassVar, Literal
 
-Fault = Literal["caller", "port", "line", "device", "configuration", "unknown"]
+Origin = Literal["caller", "port", "line", "device", "configuration", "unknown"]
 
 STATUS_NAMES = {
     0: "ok",
@@ -23,13 +23,13 @@ STATUS_NAMES = {
 class MedusaError(Exception):
     """Root of every error that the drivers raise on purpose; its text is one line."""
 
-    fault: ClassVar[Fault] = "unknown"
+    origin: ClassVar[Origin] = "unknown"
 
 
 class PortError(MedusaError):
     """The port cannot be opened, or vanished in use; `may_have_acted` when a request was under way."""
 
-    fault: ClassVar[Fault] = "port"
+    origin: ClassVar[Origin] = "port"
 
     def __init__(self, path: str, reason: str, *, may_have_acted: bool = False) -> None:
         self.path = path
@@ -41,7 +41,7 @@ class PortError(MedusaError):
 class ProtocolError(MedusaError):
     """The device said something that its protocol page does not allow; `frame` holds the bytes."""
 
-    fault: ClassVar[Fault] = "device"
+    origin: ClassVar[Origin] = "device"
 
     def __init__(self, message: str, *, frame: bytes = b"") -> None:
         self.frame = frame
@@ -51,7 +51,7 @@ class ProtocolError(MedusaError):
 class NoReply(ProtocolError):
     """A request ended unanswered; `may_have_acted` is False only when none of its bytes left the host."""
 
-    fault: ClassVar[Fault] = "line"
+    origin: ClassVar[Origin] = "line"
 
     def __init__(self, message: str, *, frame: bytes = b"", may_have_acted: bool = True) -> None:
         self.may_have_acted = may_have_acted
@@ -62,19 +62,19 @@ class NoReply(ProtocolError):
 class Withdrawn(NoReply):
     """A motion command gave way to a later stop, clear or HELLO and is not repeated again."""
 
-    fault: ClassVar[Fault] = "caller"
+    origin: ClassVar[Origin] = "caller"
 
 
 class DeviceSilent(NoReply):
     """Nothing answered for a second: the device gets only EMERGENCY_STOP and HELLO until it answers one."""
 
-    fault: ClassVar[Fault] = "device"
+    origin: ClassVar[Origin] = "device"
 
 
 class CommandError(MedusaError):
     """You asked for something that cannot be done; nothing moved. `status` is the device's answer, if any."""
 
-    fault: ClassVar[Fault] = "caller"
+    origin: ClassVar[Origin] = "caller"
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class CommandError(MedusaError):
 class DeviceFault(MedusaError):
     """The machine stopped, or cannot be trusted any more; `axis` is the one concerned (None: all)."""
 
-    fault: ClassVar[Fault] = "device"
+    origin: ClassVar[Origin] = "device"
 
     def __init__(self, message: str, *, axis: str | int | None = None) -> None:
         self.axis = axis
@@ -124,7 +124,7 @@ class HostGap(DeviceFault):
 class ConfigError(MedusaError):
     """A configuration file is wrong: which file, which key, its value and what is allowed."""
 
-    fault: ClassVar[Fault] = "configuration"
+    origin: ClassVar[Origin] = "configuration"
 
     def __init__(self, file: str, key: str, value: Any, allowed: str) -> None:
         self.file = file

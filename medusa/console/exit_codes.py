@@ -12,7 +12,7 @@ FAULT = 6
 SIGNAL = 128
 """Plus the signal's number: interrupted, and the stop confirmed."""
 
-_OF_FAULT = {
+_OF_ORIGIN = {
     "caller": USAGE,
     "configuration": CONFIGURATION,
     "port": PORT,
@@ -27,7 +27,7 @@ def exit_code(error: Exception) -> int:
     if not isinstance(error, MedusaError):
         return PORT
     # No answer, or a wrong one, is the same to the user, whether line or device was at fault.
-    return NO_ANSWER if isinstance(error, ProtocolError) else _OF_FAULT[error.fault]
+    return NO_ANSWER if isinstance(error, ProtocolError) else _OF_ORIGIN[error.origin]
 
 
 def epilog(machine: str) -> str:

@@ -54,7 +54,7 @@ class MoveReport:
 class MoveStopped(MedusaError):
     """Somebody stopped the head while a move was running; it is at rest, or the stop's own error says why not."""
 
-    fault = "caller"
+    origin = "caller"
 
 
 class MoveRefused(MedusaError):

@@ -74,7 +74,7 @@ class PolledDrive(Drive):
         try:
             reply = await request()
         except MedusaError as error:
-            if not self._lost and error.fault in ("port", "line"):
+            if not self._lost and error.origin in ("port", "line"):
                 self._lost = True
                 self._fault(Cause.LOST, f"line lost: {error}")
             raise

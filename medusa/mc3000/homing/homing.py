@@ -174,7 +174,7 @@ def _named(name: str, error: BaseException, search: HomingSearch) -> BaseExcepti
         return error
     if isinstance(error, DeviceRestarted):
         return HomingError(name, HomingFailure.RESTARTED, str(error))
-    if error.fault in ("port", "line", "device"):
+    if error.origin in ("port", "line", "device"):
         return HomingError(name, HomingFailure.LINE_LOST, str(error))
     return HomingError(name, HomingFailure.INTERRUPTED, str(error))
 

@@ -15,6 +15,7 @@ from medusa.errors import (
     ProtocolError,
     Withdrawn,
 )
+from medusa.head.moves import MoveStopped
 from perception.camera.errors import CameraLost
 
 
@@ -23,6 +24,7 @@ from perception.camera.errors import CameraLost
     [
         (CommandError("over the limit"), 2),
         (BatteryLow("low"), 2),
+        (MoveStopped("stopped on the way"), 2),
         (ConfigError("head.toml", "", None, "is not TOML"), 3),
         (PortError("/dev/ttyUSB0", "busy"), 4),
         (FileNotFoundError("trace"), 4),

@@ -99,7 +99,7 @@ def test_an_unknown_status_is_the_devices_fault_and_shown_with_its_bytes(desk: A
     desk.answer(1, ACT, status=77)
     error = desk.error(request)
     assert isinstance(error, ProtocolError)
-    assert error.fault == "device"
+    assert error.origin == "device"
     assert error.frame.hex() in str(error).replace(" ", "")
 
 
