@@ -93,9 +93,6 @@ class Port:
                 return True
         return False
 
-    unsend = dequeue
-    """The name that the amplifiers' line still uses."""
-
     def close(self) -> None:
         """Close the port; what still waits here is dropped."""
         if self._serial is None or self._loop is None:

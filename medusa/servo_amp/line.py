@@ -164,7 +164,7 @@ class AmplifierLine:
             else:
                 text = f"{_describe(command)}: unknown status {reply.status}"
                 raise ProtocolError(text, frame=encode_reply(reply))
-            if self._port.unsend(frame):
+            if self._port.dequeue(frame):
                 trouble = "the port takes no bytes"
                 raise NoReply(f"{_describe(command)}: {trouble}", frame=frame, may_have_acted=sending > 0)
         raise NoReply(f"{_describe(command)}: {trouble}, {MAX_SENDINGS} sendings", frame=frame)
