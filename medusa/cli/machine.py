@@ -110,7 +110,7 @@ async def _amplifier_rows(head: "JointGroup") -> list[dict[str, Any]]:
 
 
 def amps(context: typer.Context) -> None:
-    """What the servo amplifiers report: bridge, faults, bus voltage, current, speed."""
+    """What the servo amplifiers report: enabled or not, faults, bus voltage, current, speed."""
     options: Options = context.obj
 
     async def body() -> None:

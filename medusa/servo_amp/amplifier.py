@@ -1,4 +1,4 @@
-"""One servo amplifier: bridge, faults, measurements."""
+"""One servo amplifier: enabled or inhibited, faults, measurements."""
 
 import asyncio
 import struct
@@ -44,9 +44,9 @@ class Amplifier:
         self.address = address
 
     async def enable(self) -> AmplifierStatus:
-        """Take write access, switch the bridge on and poll until it is.
+        """Take write access, enable the amplifier and read back that it is.
 
-        Raises DeviceFault naming what holds the bridge off.
+        Raises DeviceFault naming what inhibits it.
         """
         await self._write(WRITE_ACCESS, GRANT_ACCESS)
         status = await self.status()
@@ -56,12 +56,12 @@ class Amplifier:
                 axis=self.address,
             )
         await self._write(CONTROL, 0)
-        return await self._confirm(lambda now: now.enabled, "did not switch its bridge on")
+        return await self._confirm(lambda now: now.enabled, "is not enabled")
 
     async def inhibit(self) -> AmplifierStatus:
-        """Switch the bridge off and read back that it is."""
+        """Inhibit the amplifier and read back that it is."""
         await self._write(CONTROL, await self.control() | INHIBIT)
-        return await self._confirm(lambda now: not now.enabled, "did not switch its bridge off")
+        return await self._confirm(lambda now: not now.enabled, "is not inhibited")
 
     async def brake(self, on: bool) -> AmplifierStatus:
         """Set or release the dynamic brake; the inhibit stays as it is."""
@@ -72,7 +72,7 @@ class Amplifier:
     async def reset_events(self) -> AmplifierStatus:
         """Release latched faults whose cause is gone; return what remains.
 
-        A bridge that is off stays off, even when only the fault held it: `enable` switches it on.
+        An inhibited amplifier stays inhibited, even when only the fault inhibited it, until `enable`.
         """
         control = await self.control()
         if not (await self.status()).enabled:
@@ -111,7 +111,7 @@ class Amplifier:
         return int.from_bytes(await self.read(BUS_VOLTAGE), "little") * BUS_VOLTS_PER_UNIT
 
     async def watchdog(self, timeout_ms: int) -> None:
-        """Inhibit the bridge, latched, when no command comes for that long; 0 is off.
+        """Inhibit the amplifier, latched, when no command comes for that long; 0 is off.
 
         Raises CommandError outside 0–65535 ms.
         """
@@ -146,7 +146,7 @@ class Amplifier:
         return units * amperes_per_unit(self.line.peak_current)
 
     async def _confirm(self, reached: Callable[[AmplifierStatus], bool], failure: str) -> AmplifierStatus:
-        """Poll 02.00 until the bridge is as it was commanded; raises DeviceFault after half a second."""
+        """Poll 02.00 until it shows what was commanded; raises DeviceFault after half a second."""
         loop = asyncio.get_running_loop()
         end = loop.time() + _CONFIRM_S
         while not reached(status := await self.status()):

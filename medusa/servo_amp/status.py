@@ -15,7 +15,7 @@ from medusa.servo_amp.registers import (
 
 @dataclass(frozen=True)
 class AmplifierStatus:
-    """Whether the bridge is on, and the names of every flag that is set; an unnamed bit is `bit n`."""
+    """Whether the amplifier is enabled, and the names of every flag that is set; an unnamed bit is `bit n`."""
 
     enabled: bool
     bridge: frozenset[str]
@@ -26,7 +26,7 @@ class AmplifierStatus:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Names of the faults that hold the bridge off until events are reset; "was reset" is none."""
+        """Names of the faults that inhibit the amplifier until events are reset; "was reset" is none."""
         return tuple(sorted((self.protection - {"was reset"}) | self.system_protection))
 
     @property

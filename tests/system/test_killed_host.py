@@ -78,7 +78,7 @@ def test_a_joint_stands_within_watchdog_and_ramp_after_its_host_was_killed(links
     # It went on for the watchdog and the ramp, and for what passed between the reading and the kill.
     limit = 0.1745 * (unknown + WATCHDOG_S + RAMP_S + SCHEDULING_S)
     assert 0.0 <= after["angle"] - before["angle"] <= limit
-    # Long after that the amplifier's own watchdog has switched the bridge off, and nothing has moved.
+    # Long after that the amplifier's own watchdog has inhibited it, and nothing has moved.
     final = joint_when(links, lambda pan: pan["bridge"] == "inhibited")
     assert final["bridge"] == "inhibited"
     assert final["angle"] == pytest.approx(after["angle"], abs=1e-6)

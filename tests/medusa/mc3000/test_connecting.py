@@ -53,7 +53,7 @@ async def test_homing_is_believed_again_once_the_amplifiers_are_heard(sim: Simul
 
 
 @pytest.mark.parametrize("after", [0.1, 2.0], ids=["before its amplifiers notice", "after they noticed"])
-async def test_what_a_dead_host_left_of_its_bridges_is_cleared_for_good(
+async def test_amplifiers_that_a_dead_host_left_enabled_are_inhibited_for_good(
     sim: SimulatedHead, after: float
 ) -> None:
     async with AmplifierLine(sim.amps) as line:

@@ -36,7 +36,7 @@ async def test_at_power_up_an_amplifier_is_inhibited_and_says_that_it_was_reset(
         assert "commanded inhibit" in status.drive_1
 
 
-async def test_enable_is_confirmed_by_reading_the_bridge_and_inhibit_too() -> None:
+async def test_enable_and_inhibit_are_confirmed_by_reading_back() -> None:
     async with amplifiers() as (line, _, _):
         for address in (1, 2, 3, 4):
             amplifier = line.amplifier(address)
@@ -53,7 +53,7 @@ async def test_a_write_without_access_takes_it_and_is_tried_again() -> None:
         assert await line.read(2, Register(0x04, 0x01)) == (500).to_bytes(2, "little")
 
 
-async def test_reset_events_clears_was_reset_and_leaves_an_inhibited_bridge_off() -> None:
+async def test_reset_events_clears_was_reset_and_leaves_an_inhibited_amplifier_inhibited() -> None:
     async with amplifiers() as (line, _, _):
         status = await line.amplifier(3).reset_events()
         assert not status.was_reset
@@ -74,7 +74,7 @@ async def test_a_latched_fault_is_named_refuses_enable_and_is_released_when_its_
         bench.inject("head.amplifier_fault", axis="pan", fault="over_temperature", on=False)
         remains = await pan.reset_events()
         assert remains.faults == ()
-        # The fault alone held the bridge off; resetting must not switch it on.
+        # The fault alone inhibited it; resetting must not enable it.
         assert not remains.enabled
         assert (await pan.enable()).enabled
 
@@ -91,7 +91,7 @@ async def test_measurements_come_in_si_units() -> None:
         assert await tilt.name() != ""
 
 
-async def test_the_brake_shows_without_an_enabled_bridge() -> None:
+async def test_the_brake_shows_while_the_amplifier_is_not_enabled() -> None:
     async with amplifiers() as (line, _, _):
         amplifier = line.amplifier(1)
         await amplifier.enable()
