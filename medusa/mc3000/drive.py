@@ -337,7 +337,7 @@ class Mc3000Drive(Drive):
     async def _restarted_is_open(self, board: Board) -> None:
         """A restarted board is sent a HELLO by the line at once, which idles it: wait for that, then stop it."""
         for _ in range(round(self._stopping.deadline / READ_BACK_SECONDS)):
-            if not board.awaits_greeting:
+            if not board.awaits_handshake:
                 return
             await asyncio.sleep(READ_BACK_SECONDS)
 

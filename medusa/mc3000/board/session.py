@@ -1,4 +1,4 @@
-"""The conversation with a board: greeting, watchdog, what is under way, events."""
+"""The conversation with a board: handshake, watchdog, motions under way, events."""
 
 import asyncio
 import logging
@@ -72,13 +72,13 @@ class BoardSession:
         return self.session.may_move
 
     @property
-    def awaits_greeting(self) -> bool:
-        """True while the line is there but the board, restarted, has not been greeted again yet."""
+    def awaits_handshake(self) -> bool:
+        """True while the line is there but the board, restarted, has not answered a HELLO yet."""
         session = self.session
         return session.line.is_open and not session.is_open and not session.is_silent
 
     async def open(self) -> Hello:
-        """Greet the board, after which it stands with its watchdog off, and let every event through."""
+        """Open a session, after which the board is at rest with its watchdog off, and let every event through."""
         hello = await self.session.open()
         if hello.device_type != messages.DEVICE_TYPE:
             raise ProtocolError(
