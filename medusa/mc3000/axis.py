@@ -22,15 +22,15 @@ class Axis(Joint):
         super().__init__(name, config, board)
         self._lock = asyncio.Lock()
 
-    async def set_mode(self, mode: Mode, *, orderly: bool = False) -> None:
-        """Enter a control mode, or go idle; an orderly idle lets the board's unanswered motions act first.
+    async def set_mode(self, mode: Mode, *, after_pending: bool = False) -> None:
+        """Enter a control mode, or go idle, which `after_pending` lets the board's unanswered motions act first.
 
         Settings are written and read back before control is entered; between modes with different filters
         the axis passes through idle, since a filter meant for one mode may be unstable in another. A velocity
         is ended by its ramp first. Raises CommandError when a stop comes in between: it stays stopped.
         """
         if mode is Mode.IDLE:
-            await self._go_idle(orderly=orderly)
+            await self._go_idle(after_pending=after_pending)
             return
         if self.mode is not mode and self.may_ramp:
             await self.brake()
@@ -61,7 +61,7 @@ class Axis(Joint):
         loop = asyncio.get_running_loop()
         asked = loop.time()
         deadline = asked + self.ramp_seconds + RAMP_MARGIN_SECONDS
-        await self.stop(orderly=True)
+        await self.stop(after_pending=True)
         while True:
             snapshot, time = await self.board.timed_snapshot()
             seen = snapshot.axes[self.channel]
@@ -72,9 +72,9 @@ class Axis(Joint):
                 raise DeviceFault(f"{self.name}: its velocity did not end by its ramp", axis=self.name)
             await asyncio.sleep(RAMP_LOOK_SECONDS)
 
-    async def _go_idle(self, *, orderly: bool = False) -> None:
+    async def _go_idle(self, *, after_pending: bool = False) -> None:
         self.stopping()
-        await self.board.mode(self.channel, Mode.IDLE, orderly=orderly)
+        await self.board.mode(self.channel, Mode.IDLE, after_pending=after_pending)
         self.mode = Mode.IDLE
 
     def _filter_changes(self, mode: Mode) -> bool:
@@ -184,13 +184,13 @@ class Axis(Joint):
             await self.board.profile(self.channel, profile)
             self._profile = profile
 
-    async def stop(self, *, orderly: bool = False) -> None:
+    async def stop(self, *, after_pending: bool = False) -> None:
         """Send STOP to this axis alone; whoever needs it confirmed reads back.
 
-        An orderly one, a step of a procedure, lets the board's unanswered motions act first.
+        `after_pending`, as a step of a procedure, it lets the board's unanswered motions act first.
         """
         self.stopping()
-        await self.board.stop(self.channel, orderly=orderly)
+        await self.board.stop(self.channel, after_pending=after_pending)
 
     def subscribe(self, callback: Callable[[BoardEvent], None]) -> Callable[[], None]:
         """Call back for each event of this axis; returns what ends the subscription."""

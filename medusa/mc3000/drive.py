@@ -250,7 +250,7 @@ class Mc3000Drive(Drive):
                 raise failure
         if failures:
             # Nothing has begun: those that are armed forget it, and what else moves goes on.
-            await asyncio.gather(*(self.axes[name].stop(orderly=True) for name in plan.device))
+            await asyncio.gather(*(self.axes[name].stop(after_pending=True) for name in plan.device))
             raise failures[0]
 
     async def run(self, plan: MovePlan) -> MoveEnds:
@@ -329,7 +329,7 @@ class Mc3000Drive(Drive):
             if len(wanted) == len(unit):
                 await stop_board(board, unit)
             else:
-                await asyncio.gather(*(self.axes[name].stop(orderly=True) for name in wanted))
+                await asyncio.gather(*(self.axes[name].stop(after_pending=True) for name in wanted))
 
         units = zip(self.boards.values(), self.units, strict=True)
         await asyncio.gather(*(stop_unit(board, unit) for board, unit in units))

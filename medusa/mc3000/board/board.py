@@ -79,10 +79,10 @@ class Board(BoardSession):
         (t,) = await self.read(axis, Register.SAMPLE_TIMER)
         return Filter(a, b, k, t)
 
-    async def mode(self, axis: int, mode: Mode, *, orderly: bool = False) -> None:
-        """Enter a control mode, or go idle; idle withdraws unanswered motion, or `orderly` waits for it."""
+    async def mode(self, axis: int, mode: Mode, *, after_pending: bool = False) -> None:
+        """Enter a control mode, or go idle; idle withdraws unanswered motion, or waits for it `after_pending`."""
         operation = op.mode_of(mode)
-        while operation.stops and orderly and self._motions:
+        while operation.stops and after_pending and self._motions:
             await self._motions_answered.wait()
         await self._request(operation, axis, operation.request.pack(mode))
 
@@ -134,12 +134,13 @@ class Board(BoardSession):
         """Following-error limit, counts; 0 switches the supervision off."""
         await self._request(op.FOLLOWING, axis, op.FOLLOWING.request.pack(limit))
 
-    async def stop(self, axis: int = WHOLE_DEVICE, *, orderly: bool = False) -> None:
+    async def stop(self, axis: int = WHOLE_DEVICE, *, after_pending: bool = False) -> None:
         """Stop one axis or all by their ramps; never refused. Confirm it by reading back.
 
-        A stop withdraws every unanswered motion of the board; an orderly one, a procedure's step, waits for it.
+        A stop withdraws every unanswered motion of the board; `after_pending`, as a step of a procedure, it waits
+        for them.
         """
-        while orderly and self._motions:
+        while after_pending and self._motions:
             await self._motions_answered.wait()
         await self._request(op.STOP, axis)
 

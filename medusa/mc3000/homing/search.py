@@ -176,7 +176,7 @@ class HomingSearch:
         the switch but not brake.
         """
         axis, board, channel, config = self._axis, self._axis.board, self._axis.channel, self._axis.config
-        await axis.set_mode(Mode.IDLE, orderly=True)
+        await axis.set_mode(Mode.IDLE, after_pending=True)
         await self._rest()
         await board.limit_enable(channel, False)
         await board.clear(channel)
@@ -200,7 +200,7 @@ class HomingSearch:
                 raise self._fail(
                     HomingFailure.STILL_ON_SWITCH, f"limit switch closed after {BACK_OFF_DEG:g}°"
                 )
-            await axis.stop(orderly=True)
+            await axis.stop(after_pending=True)
             here = await self._rest()
             await self._go(here + round(distance * CLEARANCE_DEG), config.approach_speed)
         await board.limit_enable(channel, True)
@@ -268,7 +268,7 @@ class HomingSearch:
         self.raise_fault()
         leg = ended.result() if ended.done() else await self._ask(source)
         if leg.ending is not Ending.LIMIT:
-            await axis.stop(orderly=True)
+            await axis.stop(after_pending=True)
         await self._rest()
         return leg
 
@@ -285,7 +285,7 @@ class HomingSearch:
 
     async def rest_idle(self) -> int:
         """Go idle and wait until the count has stood still for long; that count."""
-        await self._axis.set_mode(Mode.IDLE, orderly=True)
+        await self._axis.set_mode(Mode.IDLE, after_pending=True)
         return await self._rest(still=0, looks=QUIET_LOOKS)
 
     async def _rest(self, still: int = REST_COUNTS, looks: int = 1) -> int:
