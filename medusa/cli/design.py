@@ -13,8 +13,8 @@ from medusa.cli.servo import read_bytes
 
 if TYPE_CHECKING:
     from medusa.servo.design import ServoDesign
-    from medusa.servo.margins import Margins
-    from medusa.servo.thesis import Joint
+    from medusa.servo.margins import ServoMargins
+    from medusa.servo.thesis import ThesisJoint
 
 KINDS = "vergence, tilt, pan"
 
@@ -109,7 +109,7 @@ def design(
     options.run(body)
 
 
-def _joint(name: str) -> "Joint":
+def _joint(name: str) -> "ThesisJoint":
     from medusa.errors import CommandError
     from medusa.servo.thesis import JOINTS
 
@@ -148,7 +148,7 @@ def _encoder(lines: float | None, gear: float | None) -> dict[str, float]:
     return {"encoder": encoder_gain(_positive("lines", lines), _positive("gear", gear))}
 
 
-def _judged(name: str, label: str, candidate: Any, margin: "Margins") -> dict[str, Any]:
+def _judged(name: str, label: str, candidate: Any, margin: "ServoMargins") -> dict[str, Any]:
     r = candidate.registers
     settling = {f"settling_{step}_ms": candidate.settling[step] for step in (100, 1000, 10_000)}
     return {

@@ -7,10 +7,10 @@ from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.servo.design import ServoDesign
-    from medusa.servo.thesis import Joint
+    from medusa.servo.thesis import ThesisJoint
 
 
-def misprints(joint: "Joint", made: "ServoDesign") -> list[str]:
+def misprints(joint: "ThesisJoint", made: "ServoDesign") -> list[str]:
     """Where table 6.2 prints another number than its own plant gives; nothing for any other plant."""
     from medusa.servo.thesis import PERIOD
 

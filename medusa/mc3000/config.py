@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from medusa.mc3000.board import Filter, Mode
+from medusa.mc3000.board import FilterBytes, Mode
 
 CHIP_CLOCK_HZ = 2_000_000
 """Clock of the HCTL-1100 on the board; the HELLO of each board is compared with it."""
@@ -30,9 +30,9 @@ class FilterConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     T: Annotated[int, Meta(ge=7, le=255)]
 
     @property
-    def filter(self) -> Filter:
+    def filter(self) -> FilterBytes:
         """The same four bytes as the board's driver takes them."""
-        return Filter(self.A, self.B, self.K, self.T)
+        return FilterBytes(self.A, self.B, self.K, self.T)
 
     @property
     def sample_period(self) -> float:

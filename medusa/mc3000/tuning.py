@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from medusa.errors import CommandError, DeviceFault
 from medusa.head.joint_group import JointGroup
-from medusa.mc3000.board import Filter, Mode
+from medusa.mc3000.board import FilterBytes, Mode
 from medusa.mc3000.drive import Mc3000Drive
 from medusa.mc3000.plant_measurement import Excitation, measure_plant
 from medusa.servo.identification import Identification
@@ -104,7 +104,7 @@ async def write_filter(group: JointGroup, tuning: Tuning) -> None:
             f"{tuning.axis}: a filter is written in idle only, it is in {axis.mode.name.lower()}"
         )
     r = tuning.registers
-    wanted = Filter(r.zero, r.pole, r.gain, r.timer)
+    wanted = FilterBytes(r.zero, r.pole, r.gain, r.timer)
     await axis.board.filter(axis.channel, wanted)
     held = await axis.board.read_filter(axis.channel)
     if held != wanted:

@@ -6,7 +6,7 @@ from typing import Any
 
 from medusa.errors import CommandError
 from medusa.servo.limits import AxisScale
-from medusa.servo.margins import Margins, margins
+from medusa.servo.margins import ServoMargins, margins
 from medusa.servo.plant import DiscretePlant, Plant
 from medusa.servo.position_filter import (
     Filter,
@@ -34,7 +34,7 @@ class ServoDesign:
     registers: FilterRegisters
     poles: tuple[complex, complex, complex]
     """Of the loop with the registers, greatest magnitude first."""
-    margins: Margins
+    margins: ServoMargins
     uncompensated_limit: float
     compensated_limit: float
     breakaway: tuple[float, float]

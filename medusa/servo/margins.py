@@ -16,7 +16,7 @@ GRID = 200
 
 
 @dataclass(frozen=True)
-class Margins:
+class ServoMargins:
     """Stability margins of the loop D(z) P(z)."""
 
     gain: float
@@ -27,7 +27,7 @@ class Margins:
     crossover_hz: float
 
 
-def margins(plant: DiscretePlant, controller: Filter) -> Margins:
+def margins(plant: DiscretePlant, controller: Filter) -> ServoMargins:
     """Margins of one loop by python-control."""
     import control
 
@@ -36,7 +36,7 @@ def margins(plant: DiscretePlant, controller: Filter) -> Margins:
         # It evaluates the loop at its own pole z = 1, too.
         warnings.simplefilter("ignore", RuntimeWarning)
         gain, phase, distance, _, crossover, _ = control.stability_margins(loop)
-    return Margins(float(gain), float(phase), float(distance), float(crossover) / (2 * np.pi))
+    return ServoMargins(float(gain), float(phase), float(distance), float(crossover) / (2 * np.pi))
 
 
 def grid_margins(

@@ -38,7 +38,7 @@ class PhysicalConstants:
 
 
 @dataclass(frozen=True)
-class Joint:
+class ThesisJoint:
     """One column of tables 6.1–6.3 with its printed plant and controller."""
 
     name: str
@@ -81,15 +81,15 @@ class Joint:
         return 1.0 / self.resolution_deg
 
 
-VERGENCE = Joint(
+VERGENCE = ThesisJoint(
     "vergence", 0.155, 0.88, 0.96, Filter(0.88, 0.0, 1.14), 1.0, 0.0031, 1.5 * math.pi, 6 * math.pi,
     (6.2, 3.5, 2.9), 1.55,
 )  # fmt: skip
-TILT = Joint(
+TILT = ThesisJoint(
     "tilt", 0.149, 0.86, 0.95, Filter(0.86, 0.0, 1.20), 1.95, 0.0018, 0.75 * math.pi, 3 * math.pi,
     (6.4, 4.3, 3.0), 0.9,
 )  # fmt: skip
-PAN = Joint(
+PAN = ThesisJoint(
     "pan", 0.106, 0.77, 0.92, Filter(0.77, 0.0, 1.71), 3.56, 0.0036, 1.5 * math.pi, 6 * math.pi,
     (8.7, 10.2, 3.8), 1.8,
 )  # fmt: skip

@@ -24,7 +24,7 @@ from medusa.servo_amp.registers import (
     VELOCITY,
     WATCHDOG,
     WRITE_ACCESS,
-    Register,
+    AmplifierRegister,
     amperes_per_unit,
 )
 from medusa.servo_amp.status import AmplifierStatus, decode_status
@@ -124,11 +124,11 @@ class Amplifier:
         text = (await self.read(NAME)).replace(b"\0", b" ").decode("ascii", "replace")
         return " ".join(text.split())
 
-    async def read(self, register: Register) -> bytes:
+    async def read(self, register: AmplifierRegister) -> bytes:
         """Return a register's words, little-endian."""
         return await self.line.read(self.address, register)
 
-    async def write(self, register: Register, data: bytes) -> None:
+    async def write(self, register: AmplifierRegister, data: bytes) -> None:
         """Write a register; takes write access when the amplifier says that it is missing."""
         try:
             await self.line.write(self.address, register, data)
@@ -138,10 +138,10 @@ class Amplifier:
             await self.line.write(self.address, WRITE_ACCESS, GRANT_ACCESS.to_bytes(2, "little"))
             await self.line.write(self.address, register, data)
 
-    async def _write(self, register: Register, word: int) -> None:
+    async def _write(self, register: AmplifierRegister, word: int) -> None:
         await self.write(register, word.to_bytes(2, "little"))
 
-    async def _current(self, register: Register) -> float:
+    async def _current(self, register: AmplifierRegister) -> float:
         units = int.from_bytes(await self.read(register), "little", signed=True)
         return units * amperes_per_unit(self.line.peak_current)
 
@@ -157,7 +157,7 @@ class Amplifier:
         return status
 
 
-def expect_words(data: bytes, register: Register, frame: bytes) -> bytes:
+def expect_words(data: bytes, register: AmplifierRegister, frame: bytes) -> bytes:
     """Return the data of a read; raises ProtocolError when it is of another size than asked."""
     if len(data) != 2 * register.words:
         raise ProtocolError(f"{len(data) // 2} words answered, {register.words} asked", frame=frame)

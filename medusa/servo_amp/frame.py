@@ -44,7 +44,7 @@ class Reply(NamedTuple):
     data: bytes = b""
 
 
-class Rejected(NamedTuple):
+class RejectedBytes(NamedTuple):
     """Bytes that are no reply, and why."""
 
     reason: str
@@ -73,16 +73,16 @@ def encode_reply(reply: Reply) -> bytes:
     return frame + reply.data + crc_hqx(reply.data, 0).to_bytes(2, "big") if reply.data else frame
 
 
-class Decoder:
+class ReplyDecoder:
     """Finds replies in a stream of bytes, however it is cut."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> list[Reply | Rejected]:
+    def feed(self, data: bytes) -> list[Reply | RejectedBytes]:
         """Return what these bytes completed, in order."""
         self._buffer += data
-        found: list[Reply | Rejected] = []
+        found: list[Reply | RejectedBytes] = []
         while True:
             start = self._buffer.find(_START)
             if start < 0:
@@ -95,7 +95,7 @@ class Decoder:
             if header[1] != _HOST or crc_hqx(header, 0):
                 # The search goes on from the second byte: an A5 inside may begin the true header.
                 del self._buffer[0]
-                found.append(Rejected("bad header", header))
+                found.append(RejectedBytes("bad header", header))
                 continue
             size = 2 * header[5] if header[2] & _DATA_FOLLOWS else 0
             end = _HEADER + size + 2 if size else _HEADER
@@ -104,7 +104,7 @@ class Decoder:
             block = bytes(self._buffer[_HEADER:end])
             if crc_hqx(block, 0):
                 del self._buffer[:_HEADER]
-                found.append(Rejected("bad data CRC", header + block))
+                found.append(RejectedBytes("bad data CRC", header + block))
                 continue
             del self._buffer[:end]
             found.append(Reply(header[2] >> 2 & 0x0F, header[3], block[:-2] if size else b""))

@@ -20,13 +20,13 @@ from medusa.servo_amp.frame import (
     READ,
     WRITE,
     Command,
-    Decoder,
-    Rejected,
+    RejectedBytes,
     Reply,
+    ReplyDecoder,
     encode_command,
     encode_reply,
 )
-from medusa.servo_amp.registers import Register
+from medusa.servo_amp.registers import AmplifierRegister
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ _STATUS_TEXT: Final = {INVALID_COMMAND: "invalid command", NO_WRITE_ACCESS: "no 
 
 
 @dataclass
-class Counters:
+class AmplifierLineCounters:
     """What the host saw of the line."""
 
     commands: int = 0
@@ -71,11 +71,11 @@ class AmplifierLine:
         self.name = name
         self.baud = baud
         self.peak_current = peak_current
-        self.counters = Counters()
+        self.counters = AmplifierLineCounters()
         self._port = Port(path, baud, self._received, self._vanished)
         self._closed_because = "not open"
         self._trace = trace
-        self._decoder = Decoder()
+        self._decoder = ReplyDecoder()
         self._turn = asyncio.Lock()
         self._sequence = 0
         self._expected: asyncio.Future[Reply] | None = None
@@ -117,13 +117,13 @@ class AmplifierLine:
             raise ValueError(f"address {address:02X}H, allowed 01H–3FH")
         return Amplifier(self, address)
 
-    async def read(self, address: int, register: Register) -> bytes:
+    async def read(self, address: int, register: AmplifierRegister) -> bytes:
         """Return a register's words; raises CommandError, NoReply, PortError, ProtocolError."""
         command = Command(address, READ, 0, register.index, register.offset, register.words)
         reply = await self._ask(command)
         return expect_words(reply.data, register, encode_reply(reply))
 
-    async def write(self, address: int, register: Register, data: bytes) -> None:
+    async def write(self, address: int, register: AmplifierRegister, data: bytes) -> None:
         """Write a register's words; raises CommandError (status 6: no write access), NoReply, PortError."""
         await self._ask(Command(address, WRITE, 0, register.index, register.offset, len(data) // 2, data))
 
@@ -206,7 +206,7 @@ class AmplifierLine:
     def _received(self, data: bytes) -> None:
         self._heard_at = _now()
         for item in self._decoder.feed(data):
-            if isinstance(item, Rejected):
+            if isinstance(item, RejectedBytes):
                 self.counters.rejected += 1
                 self._record(TO_HOST, item.frame, f"dropped: {item.reason}")
                 continue

@@ -5,7 +5,7 @@ from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
-class Register:
+class AmplifierRegister:
     """Where a value stands: index, offset and its size in 16-bit words."""
 
     index: int
@@ -13,17 +13,17 @@ class Register:
     words: int = 1
 
 
-CONTROL: Final = Register(0x01, 0x00)
-STATUS: Final = Register(0x02, 0x00, 5)
-WATCHDOG: Final = Register(0x04, 0x01)
-WRITE_ACCESS: Final = Register(0x07, 0x00)
-NAME: Final = Register(0x0B, 0x00, 128)
-BUS_VOLTAGE: Final = Register(0x0F, 0x00)
-CURRENT_DEMAND: Final = Register(0x10, 0x02)
-CURRENT_MEASURED: Final = Register(0x10, 0x03)
-VELOCITY: Final = Register(0x11, 0x02, 2)
-POSITION: Final = Register(0x12, 0x00, 2)
-PRODUCT: Final = Register(0x8C, 0x00, 176)
+CONTROL: Final = AmplifierRegister(0x01, 0x00)
+STATUS: Final = AmplifierRegister(0x02, 0x00, 5)
+WATCHDOG: Final = AmplifierRegister(0x04, 0x01)
+WRITE_ACCESS: Final = AmplifierRegister(0x07, 0x00)
+NAME: Final = AmplifierRegister(0x0B, 0x00, 128)
+BUS_VOLTAGE: Final = AmplifierRegister(0x0F, 0x00)
+CURRENT_DEMAND: Final = AmplifierRegister(0x10, 0x02)
+CURRENT_MEASURED: Final = AmplifierRegister(0x10, 0x03)
+VELOCITY: Final = AmplifierRegister(0x11, 0x02, 2)
+POSITION: Final = AmplifierRegister(0x12, 0x00, 2)
+PRODUCT: Final = AmplifierRegister(0x8C, 0x00, 176)
 
 INHIBIT: Final = 1 << 0
 BRAKE: Final = 1 << 1

@@ -4,7 +4,7 @@ from medusa.mc3000.board.board import Board
 from medusa.mc3000.board.messages import AxisSnapshot, BoardEvent, EventKind, Latched, Settings, Snapshot
 from medusa.mc3000.board.profile import Profile, make_profile, profile_samples
 from medusa.mc3000.board.registers import (
-    Filter,
+    FilterBytes,
     Flags,
     Inputs,
     LatchSource,
@@ -19,7 +19,7 @@ __all__ = [
     "Board",
     "BoardEvent",
     "EventKind",
-    "Filter",
+    "FilterBytes",
     "Flags",
     "Inputs",
     "LatchSource",

@@ -9,7 +9,7 @@ from medusa.mc3000.board.profile import Profile
 from medusa.mc3000.board.registers import (
     POSITION_MAX,
     POSITION_MIN,
-    Filter,
+    FilterBytes,
     Inputs,
     LatchSource,
     Mode,
@@ -68,16 +68,16 @@ class Board(BoardSession):
         wire = (len(reply) + FRAME_OVERHEAD) * self._seconds_per_byte
         return snapshot, self.clock.update(snapshot.time_us, self.heard, wire)
 
-    async def filter(self, axis: int, filter_: Filter) -> None:
+    async def filter(self, axis: int, filter_: FilterBytes) -> None:
         """Write the filter's four bytes."""
         payload = op.FILTER.request.pack(filter_.A, filter_.B, filter_.K, filter_.T)
         await self._request(op.FILTER, axis, payload)
 
-    async def read_filter(self, axis: int) -> Filter:
+    async def read_filter(self, axis: int) -> FilterBytes:
         """The filter's four bytes as the chip holds them."""
         a, b, k = await self.read(axis, Register.FILTER_ZERO, 3)
         (t,) = await self.read(axis, Register.SAMPLE_TIMER)
-        return Filter(a, b, k, t)
+        return FilterBytes(a, b, k, t)
 
     async def mode(self, axis: int, mode: Mode, *, after_pending: bool = False) -> None:
         """Enter a control mode, or go idle; idle withdraws unanswered motion, or waits for it `after_pending`."""

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from medusa.errors import CommandError
-from medusa.mc3000.board.registers import Filter
+from medusa.mc3000.board.registers import FilterBytes
 
 MAX_SPEED_COUNTS = 127
 MAX_ACCELERATION_256 = 0x7FFF
@@ -24,7 +24,7 @@ class Profile:
 
 
 def make_profile(
-    acceleration_counts_s2: float, speed_counts_s: float, filter_: Filter, clock_hz: int
+    acceleration_counts_s2: float, speed_counts_s: float, filter_: FilterBytes, clock_hz: int
 ) -> Profile:
     """The nearest profile that the chip can run at this sample period.
 

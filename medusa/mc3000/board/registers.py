@@ -112,7 +112,7 @@ MOVING = frozenset({0x00, 0x05, 0x08, 0x09, 0x0C, 0x0D, 0x0E, 0x23, 0x24, 0x3C})
 
 
 @dataclass(frozen=True)
-class Filter:
+class FilterBytes:
     """D(z) = (K/4)(z − A/256)/(z + B/256) sampled every 16 (T + 1)/f_clk."""
 
     A: int

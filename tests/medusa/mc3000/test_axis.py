@@ -8,7 +8,7 @@ import pytest
 from medusa.errors import CommandError
 from medusa.head.faults import Cause, Fault
 from medusa.head.joint_group import JointGroup
-from medusa.mc3000.board import Filter, Flags, Inputs, Mode, Profile
+from medusa.mc3000.board import FilterBytes, Flags, Inputs, Mode, Profile
 from medusa.mc3000.drive import Mc3000Drive
 from medusa.simulation import SimulatedHead
 
@@ -34,7 +34,7 @@ async def test_a_positive_angle_is_a_positive_joint_angle_whatever_the_wiring(
 
 async def test_settings_are_in_the_board_before_control_is_entered(head: JointGroup) -> None:
     pan = Mc3000Drive.of(head).axes["pan"]
-    assert await pan.board.read_filter(pan.channel) == Filter(197, 0, 7, 255)
+    assert await pan.board.read_filter(pan.channel) == FilterBytes(197, 0, 7, 255)
     # 1080°/s² and 180°/s at 277.778 counts/° and 2.048 ms: 322/256 and 102 (thesis, table 6.3).
     assert await pan.board.read_profile(pan.channel) == Profile(322, 102)
     # 5° of following error.
@@ -44,10 +44,10 @@ async def test_settings_are_in_the_board_before_control_is_entered(head: JointGr
 async def test_a_filter_of_another_mode_is_written_while_idle(head: JointGroup) -> None:
     pan = Mc3000Drive.of(head).axes["pan"]
     await pan.set_mode(Mode.PROPORTIONAL_VELOCITY)
-    assert await pan.board.read_filter(pan.channel) == Filter(0, 0, 15, 255)
+    assert await pan.board.read_filter(pan.channel) == FilterBytes(0, 0, 15, 255)
     assert (await pan.board.settings(pan.channel)).following_limit == 1389
     await pan.set_mode(Mode.POSITION)
-    assert await pan.board.read_filter(pan.channel) == Filter(197, 0, 7, 255)
+    assert await pan.board.read_filter(pan.channel) == FilterBytes(197, 0, 7, 255)
 
 
 async def test_an_unhomed_joint_has_no_angle_and_takes_no_command(sim: SimulatedHead) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from medusa.config.file import load_config, parse_config, template, write_keys
 from medusa.errors import ConfigError
-from medusa.mc3000.board import Filter, Mode
+from medusa.mc3000.board import FilterBytes, Mode
 from medusa.mc3000.simulated_config import simulated_config, simulated_toml, simulated_values
 
 
@@ -45,9 +45,9 @@ def test_the_simulated_head_keeps_two_degrees_from_its_switches() -> None:
 
 def test_the_simulated_filters_are_the_nearest_registers() -> None:
     axes = simulated_config().axes
-    assert axes["pan"].filters.of(Mode.POSITION).filter == Filter(197, 0, 7, 255)
-    assert axes["tilt"].filters.of(Mode.POSITION).filter == Filter(220, 0, 5, 255)
-    assert axes["left_vergence"].filters.of(Mode.INTEGRAL_VELOCITY).filter == Filter(225, 0, 5, 255)
+    assert axes["pan"].filters.of(Mode.POSITION).filter == FilterBytes(197, 0, 7, 255)
+    assert axes["tilt"].filters.of(Mode.POSITION).filter == FilterBytes(220, 0, 5, 255)
+    assert axes["left_vergence"].filters.of(Mode.INTEGRAL_VELOCITY).filter == FilterBytes(225, 0, 5, 255)
     assert axes["pan"].filters.of(Mode.PROPORTIONAL_VELOCITY).filter.K == 15
     assert axes["pan"].filters.position.sample_period == pytest.approx(2.048e-3)
 
@@ -126,7 +126,7 @@ def test_single_keys_are_written_back_and_comments_kept(tmp_path: Path) -> None:
     path = tmp_path / "head.toml"
     path.write_text(simulated_toml())
     config = write_keys(path, {"axes.tilt.filters.position.K": 4, "axes.tilt.filters.position.A": 221})
-    assert config.axes["tilt"].filters.position.filter == Filter(221, 0, 4, 255)
+    assert config.axes["tilt"].filters.position.filter == FilterBytes(221, 0, 4, 255)
     before, after = simulated_toml().splitlines(), path.read_text().splitlines()
     differing = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
     assert len(differing) == 1

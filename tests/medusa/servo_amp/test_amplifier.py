@@ -8,7 +8,7 @@ import pytest
 
 from medusa.errors import CommandError, DeviceFault, NoReply, PortError
 from medusa.servo_amp import AmplifierLine
-from medusa.servo_amp.registers import CONTROL, POSITION, Register
+from medusa.servo_amp.registers import CONTROL, POSITION, AmplifierRegister
 from sim_devices.bench import Bench
 from sim_devices.head import HeadMachine
 from sim_devices.link.faults import FaultPlan
@@ -50,7 +50,7 @@ async def test_a_write_without_access_takes_it_and_is_tried_again() -> None:
             await line.write(2, CONTROL, b"\x00\x00")
         assert refused.value.status == 6
         await line.amplifier(2).watchdog(500)
-        assert await line.read(2, Register(0x04, 0x01)) == (500).to_bytes(2, "little")
+        assert await line.read(2, AmplifierRegister(0x04, 0x01)) == (500).to_bytes(2, "little")
 
 
 async def test_reset_events_clears_was_reset_and_leaves_an_inhibited_amplifier_inhibited() -> None:
@@ -104,7 +104,7 @@ async def test_the_brake_shows_while_the_amplifier_is_not_enabled() -> None:
 async def test_an_unknown_register_is_a_command_error_with_the_register() -> None:
     async with amplifiers() as (line, _, _):
         with pytest.raises(CommandError, match=r"amplifier 02H, read 7F\.00: invalid command") as refused:
-            await line.read(2, Register(0x7F, 0x00))
+            await line.read(2, AmplifierRegister(0x7F, 0x00))
         assert refused.value.status == 4
 
 
@@ -133,7 +133,7 @@ async def test_a_cancelled_command_is_waited_out_and_its_answer_swallowed() -> N
         for wait in (0.0001, 0.0005, 0.001, 0.0015, 0.002):
             with pytest.raises(TimeoutError):
                 async with asyncio.timeout(wait):
-                    await line.read(1, Register(0x0B, 0x00, 128))
+                    await line.read(1, AmplifierRegister(0x0B, 0x00, 128))
             assert await line.amplifier(2).position_counts() == 0
         assert line.counters.repeats == 0
 
@@ -171,10 +171,10 @@ async def test_whatever_the_line_does_no_answer_is_taken_for_another(plan: Fault
     async with amplifiers(plan) as (line, _, _):
         # What each register must say: a late answer of another command would differ in value or size.
         expected = {
-            Register(0x0F, 0x00): (480).to_bytes(2, "little"),
-            Register(0x04, 0x01): bytes(2),
+            AmplifierRegister(0x0F, 0x00): (480).to_bytes(2, "little"),
+            AmplifierRegister(0x04, 0x01): bytes(2),
             POSITION: bytes(4),
-            Register(0x02, 0x00, 2): b"\x00\x00\x01\x00",
+            AmplifierRegister(0x02, 0x00, 2): b"\x00\x00\x01\x00",
         }
         answered = 0
         for number in range(150):

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from medusa.servo_amp.frame import Command, Decoder, Rejected, Reply, encode_command, encode_reply
+from medusa.servo_amp.frame import Command, RejectedBytes, Reply, ReplyDecoder, encode_command, encode_reply
 
 VECTORS = json.loads((Path(__file__).parents[2] / "vectors" / "servo_amp.json").read_text())
 COMMANDS = [vector for vector in VECTORS if "address" in vector]
@@ -47,7 +47,7 @@ def test_every_command_of_the_page_is_encoded(vector: dict[str, object]) -> None
 
 @pytest.mark.parametrize("name", REPLIES)
 def test_every_reply_of_the_page_is_decoded_and_encoded(name: str) -> None:
-    assert Decoder().feed(FRAMES[name]) == [REPLIES[name]]
+    assert ReplyDecoder().feed(FRAMES[name]) == [REPLIES[name]]
     assert encode_reply(REPLIES[name]) == FRAMES[name]
 
 
@@ -56,9 +56,9 @@ def test_every_reply_of_the_page_is_decoded_and_encoded(name: str) -> None:
 def test_any_split_of_a_stream_decodes_alike(sent: list[Reply], cuts: list[int]) -> None:
     stream = b"\x17\x00" + b"".join(map(encode_reply, sent))
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    decoder = Decoder()
+    decoder = ReplyDecoder()
     got = [item for a, b in itertools.pairwise(edges) for item in decoder.feed(stream[a:b])]
-    assert got == Decoder().feed(stream)
+    assert got == ReplyDecoder().feed(stream)
     assert [item for item in got if isinstance(item, Reply)] == sent
 
 
@@ -68,7 +68,7 @@ def test_every_one_bit_error_is_refused(name: str) -> None:
     size = len(FRAMES[name])
     for bit in range(8 * size):
         wrong = (frame ^ 1 << bit).to_bytes(size, "big")
-        assert not any(isinstance(item, Reply) for item in Decoder().feed(wrong)), bit
+        assert not any(isinstance(item, Reply) for item in ReplyDecoder().feed(wrong)), bit
 
 
 def bursts(lengths: range) -> Iterator[int]:
@@ -92,12 +92,12 @@ def test_bursts_in_a_reply_are_refused() -> None:
     for pattern in bursts(range(2, 14)):
         shift = pattern * 7919 % (8 * size - pattern.bit_length() + 1)
         wrong = (frame ^ pattern << shift).to_bytes(size, "big")
-        assert not any(isinstance(item, Reply) for item in Decoder().feed(wrong)), (pattern, shift)
+        assert not any(isinstance(item, Reply) for item in ReplyDecoder().feed(wrong)), (pattern, shift)
 
 
 def test_after_a_bad_header_the_search_goes_on_from_its_second_byte() -> None:
     # A5 opens a false header that reaches into the true one.
-    decoder = Decoder()
+    decoder = ReplyDecoder()
     got = decoder.feed(b"\xa5\xff\x04" + FRAMES["reply: write acknowledged, sequence 1"])
     assert [item for item in got if isinstance(item, Reply)] == [Reply(1, 1)]
 
@@ -105,8 +105,8 @@ def test_after_a_bad_header_the_search_goes_on_from_its_second_byte() -> None:
 def test_a_bad_data_crc_drops_the_data_and_the_next_reply_is_read() -> None:
     frame = bytearray(FRAMES["reply: position 123456, sequence 4"])
     frame[9] ^= 0x10
-    got = Decoder().feed(bytes(frame) + FRAMES["reply: write acknowledged, sequence 1"])
-    assert [item.reason for item in got if isinstance(item, Rejected)] == ["bad data CRC"]
+    got = ReplyDecoder().feed(bytes(frame) + FRAMES["reply: write acknowledged, sequence 1"])
+    assert [item.reason for item in got if isinstance(item, RejectedBytes)] == ["bad data CRC"]
     assert [item for item in got if isinstance(item, Reply)] == [Reply(1, 1)]
 
 
@@ -126,7 +126,7 @@ def test_a_hundred_thousand_mutated_replies_pass_no_more_than_chance_allows() ->
                 del wrong[at]
         if bytes(wrong) == frame:
             continue
-        for item in Decoder().feed(bytes(wrong)):
+        for item in ReplyDecoder().feed(bytes(wrong)):
             if isinstance(item, Reply):
                 accepted += 1
                 assert encode_reply(item) in bytes(wrong)
@@ -134,7 +134,7 @@ def test_a_hundred_thousand_mutated_replies_pass_no_more_than_chance_allows() ->
 
 
 def test_garbage_costs_no_memory() -> None:
-    decoder = Decoder()
+    decoder = ReplyDecoder()
     rng = random.Random(5)
     for _ in range(50):
         decoder.feed(rng.randbytes(4096))

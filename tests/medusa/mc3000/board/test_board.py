@@ -12,7 +12,7 @@ from medusa.mc3000.board import (
     Board,
     BoardEvent,
     EventKind,
-    Filter,
+    FilterBytes,
     Flags,
     Inputs,
     LatchSource,
@@ -26,7 +26,7 @@ from medusa.mc3000.board import (
 from medusa.simulation import SimulatedHead
 
 PAN, SPARE = 0, 1
-FILTER = Filter(197, 0, 7, 255)
+FILTER = FilterBytes(197, 0, 7, 255)
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ async def test_filter_and_profile_read_back_as_written(board: Board) -> None:
 
 async def test_a_byte_that_does_not_fit_is_refused_by_name(board: Board) -> None:
     with pytest.raises(CommandError, match="FILTER: K 256 is outside 0…255"):
-        await board.filter(SPARE, Filter(0, 0, 256, 255))
+        await board.filter(SPARE, FilterBytes(0, 0, 256, 255))
 
 
 async def test_mode_command_and_settings(board: Board) -> None:

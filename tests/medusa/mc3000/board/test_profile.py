@@ -3,9 +3,9 @@
 import pytest
 
 from medusa.errors import CommandError
-from medusa.mc3000.board import Filter, Profile, make_profile, profile_samples
+from medusa.mc3000.board import FilterBytes, Profile, make_profile, profile_samples
 
-SLOWEST = Filter(0, 0, 5, 255)
+SLOWEST = FilterBytes(0, 0, 5, 255)
 CLOCK_HZ = 2_000_000
 PERIOD = 0.002048
 

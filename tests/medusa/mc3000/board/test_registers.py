@@ -2,7 +2,7 @@
 
 import pytest
 
-from medusa.mc3000.board.registers import Filter, decode_position24, encode_position24
+from medusa.mc3000.board.registers import FilterBytes, decode_position24, encode_position24
 
 
 @pytest.mark.parametrize(
@@ -32,4 +32,6 @@ def test_a_position_outside_24_bits_is_refused(counts: int) -> None:
 @pytest.mark.parametrize(("timer", "microseconds"), [(7, 64), (255, 2048), (124, 1000)])
 def test_the_sample_period_is_sixteen_clocks_a_step(timer: int, microseconds: int) -> None:
     # Values of the chip's page at 2 MHz.
-    assert Filter(0, 0, 0, timer).sample_period(2_000_000) == pytest.approx(microseconds * 1e-6, rel=1e-12)
+    assert FilterBytes(0, 0, 0, timer).sample_period(2_000_000) == pytest.approx(
+        microseconds * 1e-6, rel=1e-12
+    )
