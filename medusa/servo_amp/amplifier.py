@@ -129,7 +129,7 @@ class Amplifier:
         return await self.line.read(self.address, register)
 
     async def write(self, register: AmplifierRegister, data: bytes) -> None:
-        """Write a register; takes write access when the amplifier says that it is missing."""
+        """Write a register; takes write access when the amplifier reports that it is missing."""
         try:
             await self.line.write(self.address, register, data)
         except CommandError as error:

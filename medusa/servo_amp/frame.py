@@ -37,7 +37,7 @@ class Command:
 
 
 class Reply(NamedTuple):
-    """An amplifier's answer; it does not say whose."""
+    """An amplifier's reply; it does not bear an address."""
 
     sequence: int
     status: int

@@ -41,7 +41,7 @@ _STATUS_TEXT: Final = {INVALID_COMMAND: "invalid command", NO_WRITE_ACCESS: "no 
 
 @dataclass
 class AmplifierLineCounters:
-    """What the host saw of the line."""
+    """What the host counted on the line."""
 
     commands: int = 0
     repeats: int = 0
@@ -81,7 +81,7 @@ class AmplifierLine:
         self._expected: asyncio.Future[Reply] | None = None
         self._sequence_expected = 0
         self._unanswered = 0
-        self._heard_at = 0.0
+        self._received_at = 0.0
         self._answers_until = 0.0
         self._recovery: asyncio.Task[None] | None = None
 
@@ -98,7 +98,7 @@ class AmplifierLine:
         """Open the port; raises PortError."""
         self._port.open()
         # What an earlier host left unanswered may still come.
-        self._answers_until = self._heard_at = asyncio.get_running_loop().time()
+        self._answers_until = self._received_at = asyncio.get_running_loop().time()
 
     async def close(self) -> None:
         """Close the port; what is still unanswered raises PortError."""
@@ -144,30 +144,30 @@ class AmplifierLine:
 
     async def _converse(self, command: Command) -> Reply:
         frame = encode_command(command)
-        trouble = "no answer"
+        failure = "no answer"
         for sending in range(MAX_SENDINGS):
             if not self._port.is_open:
                 raise PortError(self.path, self._closed_because, may_have_acted=sending > 0)
             if sending:
                 self.counters.repeats += 1
-                log.warning("%s: %s: %s, repeated", self.name, _describe(command), trouble)
+                log.warning("%s: %s: %s, repeated", self.name, _describe(command), failure)
             reply = await self._exchange(command, frame)
             if reply is None:
-                trouble = "no answer"
+                failure = "no answer"
             elif reply.status == COMPLETE:
                 return reply
             elif reply.status in _STATUS_TEXT:
                 text = f"{_describe(command)}: {_STATUS_TEXT[reply.status]} (status {reply.status})"
                 raise CommandError(text, status=reply.status, operation=command.index)
             elif reply.status in (DATA_CRC_ERROR, INCOMPLETE):
-                trouble = f"answered with status {reply.status}"
+                failure = f"answered with status {reply.status}"
             else:
                 text = f"{_describe(command)}: unknown status {reply.status}"
                 raise ProtocolError(text, frame=encode_reply(reply))
             if self._port.dequeue(frame):
-                trouble = "the port takes no bytes"
-                raise NoReply(f"{_describe(command)}: {trouble}", frame=frame, may_have_acted=sending > 0)
-        raise NoReply(f"{_describe(command)}: {trouble}, {MAX_SENDINGS} sendings", frame=frame)
+                failure = "the port takes no bytes"
+                raise NoReply(f"{_describe(command)}: {failure}", frame=frame, may_have_acted=sending > 0)
+        raise NoReply(f"{_describe(command)}: {failure}, {MAX_SENDINGS} sendings", frame=frame)
 
     async def _exchange(self, command: Command, frame: bytes) -> Reply | None:
         """Send a command once; return its reply, None when none came before the line was quiet again."""
@@ -186,7 +186,7 @@ class AmplifierLine:
     async def _settle(self) -> None:
         """Wait until no answer can come any more and the line was quiet for 20 ms; raises NoReply after a second."""
         end = _now() + NEVER_QUIET_S
-        while (pause := max(self._answers_until, self._heard_at + QUIET_S) - _now()) > 0:
+        while (pause := max(self._answers_until, self._received_at + QUIET_S) - _now()) > 0:
             if not (self._unanswered or self._answers_until):
                 return
             if _now() >= end:
@@ -204,7 +204,7 @@ class AmplifierLine:
         return REPLY_S + size * _BITS_PER_BYTE / self.baud
 
     def _received(self, data: bytes) -> None:
-        self._heard_at = _now()
+        self._received_at = _now()
         for item in self._decoder.feed(data):
             if isinstance(item, RejectedBytes):
                 self.counters.rejected += 1
@@ -224,7 +224,7 @@ class AmplifierLine:
     def _fail(self, error: PortError) -> None:
         if self._expected is not None and not self._expected.done():
             self._expected.set_exception(error)
-            # Its owner may have been cancelled meanwhile: nobody need look at the error then.
+            # Its caller may have been cancelled meanwhile: nobody need look at the error then.
             self._expected.exception()
 
     def _vanished(self, reason: str) -> None:

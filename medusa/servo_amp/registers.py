@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class AmplifierRegister:
-    """Where a value stands: index, offset and its size in 16-bit words."""
+    """Where a value is: index, offset and its size in 16-bit words."""
 
     index: int
     offset: int

@@ -27,7 +27,7 @@ async def amplifiers(
         yield line, machine, bench
 
 
-async def test_at_power_up_an_amplifier_is_inhibited_and_says_that_it_was_reset() -> None:
+async def test_at_power_up_an_amplifier_is_inhibited_and_reports_that_it_was_reset() -> None:
     async with amplifiers() as (line, _, _):
         status = await line.amplifier(1).status()
         assert not status.enabled
@@ -169,7 +169,7 @@ async def test_a_vanished_port_ends_the_command_at_once_and_is_opened_again() ->
 )
 async def test_whatever_the_line_does_no_answer_is_taken_for_another(plan: FaultPlan) -> None:
     async with amplifiers(plan) as (line, _, _):
-        # What each register must say: a late answer of another command would differ in value or size.
+        # What each register must hold: a late answer of another command would differ in value or size.
         expected = {
             AmplifierRegister(0x0F, 0x00): (480).to_bytes(2, "little"),
             AmplifierRegister(0x04, 0x01): bytes(2),
@@ -187,6 +187,6 @@ async def test_whatever_the_line_does_no_answer_is_taken_for_another(plan: Fault
             assert data == expected[register], number
             answered += 1
         assert answered > 100
-        trouble = line.counters.repeats + line.counters.rejected + line.counters.late_replies
+        failures = line.counters.repeats + line.counters.rejected + line.counters.late_replies
         # Splits within 10 ms do no harm; everything else must have been met and survived.
-        assert trouble > 0 or plan.split == 0.3
+        assert failures > 0 or plan.split == 0.3

@@ -15,7 +15,7 @@ from medusa.servo_amp.frame import Command, RejectedBytes, Reply, ReplyDecoder, 
 
 VECTORS = json.loads((Path(__file__).parents[2] / "vectors" / "servo_amp.json").read_text())
 COMMANDS = [vector for vector in VECTORS if "address" in vector]
-# The page's replies, by their names: what each says.
+# The page's replies, by their names: what each carries.
 REPLIES = {
     "reply: write acknowledged, sequence 1": Reply(1, 1),
     "reply: position 123456, sequence 4": Reply(4, 1, (123456).to_bytes(4, "little")),
