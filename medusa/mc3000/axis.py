@@ -64,9 +64,9 @@ class Axis(Joint):
         await self.stop(after_pending=True)
         while True:
             snapshot, time = await self.board.timed_snapshot()
-            seen = snapshot.axes[self.channel]
-            self.take_snapshot(seen, time)
-            if time > asked and seen.mode not in VELOCITY_MODES and not seen.flags & Flags.PROFILE:
+            reading = snapshot.axes[self.channel]
+            self.take_snapshot(reading, time)
+            if time > asked and reading.mode not in VELOCITY_MODES and not reading.flags & Flags.PROFILE:
                 return
             if loop.time() > deadline:
                 raise DeviceFault(f"{self.name}: its velocity did not end by its ramp", axis=self.name)

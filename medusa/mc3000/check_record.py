@@ -14,7 +14,7 @@ from medusa.mc3000.mark import axis_digest
 class CheckRecord:
     """Which joints passed `check` with which configuration on which port, kept beside the configuration file.
 
-    The port belongs to it: what the emulated head passed says nothing about the real one.
+    The port belongs to it: what the emulated head passed does not hold for the real one.
     """
 
     def __init__(self, path: Path | None, port: str, digests: Mapping[str, str]) -> None:

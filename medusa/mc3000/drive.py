@@ -25,7 +25,7 @@ from medusa.mc3000.arrivals import Arrivals
 from medusa.mc3000.axis import Axis
 from medusa.mc3000.board import Board, Mode, WatchdogAction
 from medusa.mc3000.config import CHIP_CLOCK_HZ, Mc3000Config
-from medusa.mc3000.fault_reports import VOIDS_HOMING, FaultReports
+from medusa.mc3000.fault_reports import INVALIDATES_HOMING, FaultReports
 from medusa.mc3000.feeding import Feeding
 from medusa.mc3000.homing.homing import HomingResult, home_joints
 from medusa.mc3000.joint import VELOCITY_MODES
@@ -353,8 +353,8 @@ class Mc3000Drive(Drive):
         await asyncio.gather(*(board.clear() for board in self.boards.values()))
 
     async def after_stop(self, fault: Fault) -> str:
-        """Void the marks of joints whose count is wrong; what the amplifier reports of its fault."""
-        if fault.cause in VOIDS_HOMING:
+        """Zero the marks of joints whose count is wrong; return what the amplifier reports of its fault."""
+        if fault.cause in INVALIDATES_HOMING:
             for name in fault.joints:
                 axis = self.axes[name]
                 await axis.board.write_mark(axis.channel, NO_MARK)
@@ -378,7 +378,7 @@ class Mc3000Drive(Drive):
         return make_mark(self.port_name, name, axis.config, axis.board.boot_count)
 
     async def _recall_homing(self) -> None:
-        """Believe the marks that the boards carry, unless an amplifier lost its feedback or does not answer."""
+        """Take the marks that the boards carry as valid, unless an amplifier lost its feedback or does not answer."""
         for name, axis in self.axes.items():
             axis.homed = False
             mark = await axis.board.read_mark(axis.channel)
@@ -390,7 +390,7 @@ class Mc3000Drive(Drive):
                 log.warning("%s: whether it is homed is not known: %s", name, error)
                 continue
             if FEEDBACK_ERROR in status.system_protection:
-                log.warning("%s: its amplifier lost the feedback; homing is void", name)
+                log.warning("%s: its amplifier lost the feedback; homing is invalid", name)
                 await axis.board.write_mark(axis.channel, NO_MARK)
             else:
                 axis.homed = mark == self.mark(name)

@@ -12,7 +12,7 @@ from medusa.mc3000.board import Board, BoardEvent, EventKind, Inputs
 
 log = logging.getLogger(__name__)
 
-VOIDS_HOMING = frozenset({Cause.LIMIT, Cause.FOLLOWING, Cause.STALLED})
+INVALIDATES_HOMING = frozenset({Cause.LIMIT, Cause.FOLLOWING, Cause.STALLED})
 """Within the soft limits no joint meets a switch or loses its command, unless its count is wrong."""
 
 _CAUSES = {
@@ -48,7 +48,7 @@ def fault_from_event(event: BoardEvent, joints: tuple[str, ...], time: float) ->
 
 
 class FaultReports:
-    """Listens to every board and publishes its faults; what voids homing, voids it here."""
+    """Listens to every board and publishes its faults; homing that a fault makes invalid ends here."""
 
     def __init__(
         self, axes: Mapping[str, Axis], boards: Mapping[int, Board], publish: Callable[[Fault], None]
@@ -79,7 +79,7 @@ class FaultReports:
         """Publish a fault, unless it is a limit switch that a search expects."""
         if fault.cause is Cause.LIMIT and len(fault.joints) == 1 and fault.joints[0] in self._expected:
             return
-        if fault.cause in VOIDS_HOMING:
+        if fault.cause in INVALIDATES_HOMING:
             for name in fault.joints:
                 self._axes[name].homed = False
         self._publish(fault)

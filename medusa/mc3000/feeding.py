@@ -1,4 +1,4 @@
-"""Keeping the watchdogs of boards and amplifiers fed, and seeing what the amplifiers report."""
+"""Keeping the watchdogs of boards and amplifiers fed, and reading what the amplifiers report."""
 
 import asyncio
 import logging
@@ -65,7 +65,7 @@ class Feeding:
         period = self._safety.board_watchdog_ms / 1000 / FEEDS_PER_TIMEOUT
         answered = True
         while True:
-            wait = board.heard + period - loop.time()
+            wait = board.received_at + period - loop.time()
             if not board.may_move:
                 wait = period
             if wait > EARLY_SECONDS:

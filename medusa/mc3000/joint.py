@@ -1,4 +1,4 @@
-"""One joint's scale and state: counts per radian, what the board was last seen to do, what was last asked of it."""
+"""One joint's scale and state: counts per radian, what the board last reported, what was last commanded."""
 
 import asyncio
 import math
@@ -84,14 +84,14 @@ class Joint:
     def take_snapshot(self, snapshot: AxisSnapshot, time: float) -> None:
         """Take in what the board showed at `time` (loop, s); stops and faults change the mode there.
 
-        A snapshot from before the last change of mode, which a repeated reply can bring, says nothing.
+        A snapshot from before the last change of mode, which a repeated reply can bring, is ignored.
         """
         if time > self._stopped_at and snapshot.mode is not self.mode:
             self.mode = snapshot.mode
             self._forget_motion()
 
     def stopping(self) -> None:
-        """A stop or a change of mode is on its way: what was shown or begun before it is void."""
+        """A stop or a change of mode is on its way: what was reported or begun before it is invalid."""
         self._stops += 1
         self._stopped_at = asyncio.get_running_loop().time()
         self._forget_motion()

@@ -1,4 +1,4 @@
-"""The mark that says "homed" across processes: four bytes that only a homed axis of this machine carries."""
+"""The mark that keeps "homed" across processes: four bytes that only a homed axis of this machine carries."""
 
 import hashlib
 from os.path import abspath
@@ -24,9 +24,9 @@ def axis_digest(name: str, config: AxisConfig) -> str:
 def make_mark(port: str, name: str, config: AxisConfig, boot_count: int) -> bytes:
     """The mark for registers 18H–1BH: a hash of port, configuration and boot count, never four zeros.
 
-    Whatever voids the count (power-up, reset, PRESET, a write to the position) clears the registers, and a
+    Whatever makes the count invalid (power-up, reset, PRESET, a write to the position) clears the registers, and a
     restart changes the boot count, so an old mark is never taken for a new one.
     """
-    told = f"{port}\0{axis_digest(name, config)}\0{boot_count}".encode()
-    mark = hashlib.sha256(told).digest()[:MARK_LENGTH]
+    identity = f"{port}\0{axis_digest(name, config)}\0{boot_count}".encode()
+    mark = hashlib.sha256(identity).digest()[:MARK_LENGTH]
     return mark if mark != NO_MARK else b"\x01" + mark[1:]

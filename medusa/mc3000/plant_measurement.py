@@ -1,7 +1,7 @@
 """Measuring a joint's plant on the machine: bounded open-loop pulses from idle, watched all the time.
 
 The motor command goes straight to the DAC (08H). Every pulse is short, within an excursion about where the joint
-stands; the board's watchdog, set short for the while, ends it if the host dies.
+is; the board's watchdog, set short for the while, ends it if the host dies.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ WATCHDOG_MS = 100
 PROBE_SECONDS = 0.06
 PROBE_DAC = 4
 PROBE_ENOUGH_COUNTS = 60
-STANDING_LOOKS = 8
+REST_LOOKS = 8
 LOOK_SECONDS = 0.005
 """About what a snapshot takes at 115200 baud."""
 GOLDEN = 0.6180339887498949
 REST_SECONDS = 3.0
-STANDING_COUNTS = 1
+REST_COUNTS = 1
 CLEARANCE = 2.0
 """Needed each way, in excursions: a pulse whose end is lost runs on until the watchdog has expired."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """Bounds of the pulses: rad from where the joint stands, s a pulse, DAC counts."""
+    """Bounds of the pulses: rad from where the joint is, s a pulse, DAC counts."""
 
     excursion: float = math.radians(8.0)
     pulse_seconds: float = 0.15
@@ -62,7 +62,7 @@ class Excitation:
 async def measure_plant(group: JointGroup, name: str, excitation: Excitation | None = None) -> Identification:
     """Measure T_M, C, friction and the asymmetry of one joint; it is left idle.
 
-    CommandError, and nothing moves, when the joint is not homed or stands too near to a soft limit; DeviceFault
+    CommandError, and nothing moves, when the joint is not homed or is too near to a soft limit; DeviceFault
     when it does not move or runs out of its excursion (it is stopped then).
     """
     excitation = excitation or Excitation()
@@ -78,7 +78,7 @@ async def measure_plant(group: JointGroup, name: str, excitation: Excitation | N
         await axis.board.watchdog(shortest, WatchdogAction.IDLE)
         pulses = await _pulses(axis, excitation)
     except BaseException as error:
-        # What ended the measurement is told, not what then kept the joint from being confirmed at rest.
+        # What ended the measurement is raised, not what then kept the joint from being confirmed at rest.
         try:
             await run_to_completion(_leave(drive, axis))
         except MedusaError as unconfirmed:
@@ -114,7 +114,7 @@ async def _check_margins(axis: Axis, excitation: Excitation) -> None:
     for limit in (low, high):
         if abs(limit - angle) < needed or not low <= angle <= high:
             raise CommandError(
-                f"{axis.name}: stands at {math.degrees(angle):.2f}°, {math.degrees(abs(limit - angle)):.2f}° from "
+                f"{axis.name}: is at {math.degrees(angle):.2f}°, {math.degrees(abs(limit - angle)):.2f}° from "
                 f"its soft limit of {math.degrees(limit):.2f}°; the excitation needs {math.degrees(needed):.2f}° "
                 "each way"
             )
@@ -210,32 +210,32 @@ class _Watcher:
 
     async def _look(self) -> int:
         snapshot = await self.axis.board.snapshot()
-        seen = snapshot.axes[self.axis.channel]
+        reading = snapshot.axes[self.axis.channel]
         if self._origin_us is None:
             self._origin_us = snapshot.time_us
         time = ((snapshot.time_us - self._origin_us) % WRAP_US) * 1e-6
-        self._samples.append((time, seen.actual, seen.motor_command))
+        self._samples.append((time, reading.actual, reading.motor_command))
         if self._start is None:
-            self._start = seen.actual
-        if seen.mode is not Mode.IDLE:
+            self._start = reading.actual
+        if reading.mode is not Mode.IDLE:
             raise DeviceFault(f"{self.axis.name}: left idle while it was measured", axis=self.axis.name)
-        away = abs(seen.actual - self._start)
+        away = abs(reading.actual - self._start)
         if away > 1.5 * self._excursion:
             raise DeviceFault(
-                f"{self.axis.name}: ran {away} counts from where it stood, {self._excursion:.0f} were meant; stopped",
+                f"{self.axis.name}: ran {away} counts from where it was, {self._excursion:.0f} were meant; stopped",
                 axis=self.axis.name,
             )
-        return seen.actual
+        return reading.actual
 
     async def _coast(self) -> None:
-        """Look on until the joint stands; the board's own inputs end a pulse that meets a switch."""
+        """Look on until the joint is at rest; the board's own inputs end a pulse that meets a switch."""
         loop = asyncio.get_running_loop()
         deadline = loop.time() + REST_SECONDS
         history: list[int] = []
-        while len(history) < STANDING_LOOKS or max(history) - min(history) > STANDING_COUNTS:
+        while len(history) < REST_LOOKS or max(history) - min(history) > REST_COUNTS:
             if loop.time() > deadline:
                 raise DeviceFault(
                     f"{self.axis.name}: does not come to rest within {REST_SECONDS:g} s of a pulse",
                     axis=self.axis.name,
                 )
-            history = [*history[1 - STANDING_LOOKS :], await self._look()]
+            history = [*history[1 - REST_LOOKS :], await self._look()]

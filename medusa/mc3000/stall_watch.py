@@ -84,12 +84,12 @@ class StallWatch:
 
     async def _look(self, axis: Axis) -> None:
         snapshot, time = await axis.board.timed_snapshot()
-        seen = snapshot.axes[axis.channel]
-        axis.take_snapshot(seen, time)
+        reading = snapshot.axes[axis.channel]
+        axis.take_snapshot(reading, time)
         if axis.mode is not Mode.PROPORTIONAL_VELOCITY or axis.rate == 0:
             return
-        lag = self._lags.setdefault(axis.name, Lag(time, seen.actual))
-        went, wanted = lag.update(time, seen.actual, axis.rate * axis.counts_per_radian)
+        lag = self._lags.setdefault(axis.name, Lag(time, reading.actual))
+        went, wanted = lag.update(time, reading.actual, axis.rate * axis.counts_per_radian)
         if time - lag.since < STALL_SECONDS:
             return
         del self._lags[axis.name]

@@ -66,7 +66,7 @@ class Board(BoardSession):
         reply = await self._read(op.SNAPSHOT)
         snapshot = messages.decode_snapshot(reply)
         wire = (len(reply) + FRAME_OVERHEAD) * self._seconds_per_byte
-        return snapshot, self.clock.update(snapshot.time_us, self.heard, wire)
+        return snapshot, self.clock.update(snapshot.time_us, self.received_at, wire)
 
     async def filter(self, axis: int, filter_: FilterBytes) -> None:
         """Write the filter's four bytes."""
@@ -149,7 +149,7 @@ class Board(BoardSession):
         return messages.decode_settings(await self._read(op.SETTINGS, axis))
 
     async def read_mark(self, axis: int) -> bytes:
-        """The four bytes of 18H–1BH, zero unless a host wrote them since the count was last void."""
+        """The four bytes of 18H–1BH, zero unless a host wrote them since the count was last invalid."""
         return await self.read(axis, Register.MARK, 4)
 
     async def write_mark(self, axis: int, mark: bytes) -> None:

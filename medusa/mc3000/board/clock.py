@@ -36,7 +36,7 @@ class BoardClock:
         return board + self._offset
 
     def to_loop(self, time_us: int) -> float | None:
-        """Loop time of a board time near the last one seen, s; None before the first update."""
+        """Loop time of a board time near the last one taken in, s; None before the first update."""
         if self._offset is None:
             return None
         near = (time_us - self._last_us + WRAP_US // 2) % WRAP_US - WRAP_US // 2

@@ -28,7 +28,7 @@ def make_profile(
 ) -> Profile:
     """The nearest profile that the chip can run at this sample period.
 
-    Raises CommandError with the number that stands in the way: a speed above 127 counts a sample or below
+    Raises CommandError with the number in the way: a speed above 127 counts a sample or below
     half a count a sample, an acceleration above 7FFFH/256 or below 1/512 count/sample².
     """
     period = filter_.sample_period(clock_hz)

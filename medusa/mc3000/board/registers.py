@@ -102,7 +102,7 @@ class Register(IntEnum):
 
 
 MARK_LENGTH = 4
-"""Registers 18H–1BH keep what a host writes until whatever voids the count clears them."""
+"""Registers 18H–1BH keep what a host writes until whatever makes the count invalid clears them."""
 
 MOTOR_COMMAND_ZERO = 0x80
 POSITION_MIN, POSITION_MAX = -(2**23), 2**23 - 1

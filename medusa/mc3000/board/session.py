@@ -23,12 +23,13 @@ BITS_PER_BYTE = 10
 
 
 class BoardSession:
-    """The conversation with one board: its HELLO, its clock, when it was heard, its motions under way."""
+    """The conversation with one board: its HELLO, its clock, when its last reply came, its motions under way."""
 
     def __init__(self, session: Session, *, baud: int = 115200) -> None:
         self.session = session
         self.clock = BoardClock()
-        self.heard = float("-inf")
+        self.received_at = float("-inf")
+        """When the last reply came, s on the loop's clock."""
         self._motions = 0
         self._motions_answered = asyncio.Event()
         self._motions_answered.set()
@@ -43,7 +44,7 @@ class BoardSession:
 
     @property
     def clock_hz(self) -> int:
-        """Clock of the chips as the HELLO told it; ProtocolError before the first HELLO."""
+        """Clock of the chips as the HELLO reported it; ProtocolError before the first HELLO."""
         return messages.decode_board_part(self._hello().part)[1]
 
     @property
@@ -89,12 +90,12 @@ class BoardSession:
         if axes != AXES:
             raise ProtocolError(f"board {self.address:02X}H has {axes} axes, {AXES} expected")
         self.clock.reset()
-        self._note_heard()
+        self._stamp_reply()
         await self.session.event_mask(messages.EVENT_MASK_ALL)
         return hello
 
-    def _note_heard(self) -> None:
-        self.heard = asyncio.get_running_loop().time()
+    def _stamp_reply(self) -> None:
+        self.received_at = asyncio.get_running_loop().time()
 
     async def _request(
         self,
@@ -117,7 +118,7 @@ class BoardSession:
                 self._motions -= 1
                 if self._motions == 0:
                     self._motions_answered.set()
-        self._note_heard()
+        self._stamp_reply()
         return reply
 
     async def _read(
@@ -147,15 +148,15 @@ class BoardSession:
         await self._read(INPUTS, 0, deadline=deadline)
 
     async def ping(self) -> int:
-        """Feed the watchdog and hear that the board lives; its time, µs since power-up."""
+        """Return the board's time, µs since power-up; feeds the watchdog."""
         time_us = await self.session.ping()
-        self._note_heard()
+        self._stamp_reply()
         return time_us
 
     async def watchdog(self, timeout_ms: int, action: WatchdogAction = WatchdogAction.IDLE) -> None:
         """Set the watchdog; 0 ms switches it off and sets open-loop motor commands to zero."""
         await self.session.watchdog(timeout_ms, action)
-        self._note_heard()
+        self._stamp_reply()
 
     async def clear(self, axis: int = WHOLE_DEVICE) -> None:
         """Release what is latched and whose cause is gone; what remains is to be read back."""

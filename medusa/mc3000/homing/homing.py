@@ -82,13 +82,13 @@ async def home_joints(drive: HomingDrive, names: Iterable[str], mover: Mover) ->
 
 
 async def _home_group(drive: HomingDrive, names: Sequence[str], mover: Mover) -> list[HomingResult]:
-    """Home joints together; the first failure ends the others, and the one that tells most is raised."""
+    """Home joints together; the first failure ends the others, and the one that explains most is raised."""
     loop = asyncio.get_running_loop()
     tasks = [loop.create_task(home_axis(drive, name, mover)) for name in names]
     try:
         done, pending = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
         if pending and all(_was_interrupted(task.exception()) for task in done):
-            # Whose failure interrupted the others is still being disabled and has not been heard yet.
+            # Whose failure interrupted the others is still being disabled and has not reported yet.
             await asyncio.wait(pending, timeout=INTERRUPTED_SECONDS)
     finally:
         for task in tasks:

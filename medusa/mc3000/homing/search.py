@@ -29,14 +29,14 @@ CLEARANCE_DEG = 0.5
 """How much further it goes once the switch is open."""
 SWITCH_LOOK_SECONDS = 0.025
 FOLLOWING_DEG = 1.0
-"""Following limit while homing: the speeds are low, and a lost encoder is seen the sooner."""
+"""Following limit while homing: the speeds are low, and a lost encoder shows the sooner."""
 EVENT_SECONDS = 0.7
 """An event that is lost is repeated for this long; then the board itself is asked."""
 REST_LOOKS = 100
 REST_COUNTS = 1
 """A joint at rest in control may flicker by one count (thesis, servo loop: the DAC's limit cycle)."""
 QUIET_LOOKS = 4
-"""The zero is set after the count stood for 0.1 s: a braked joint creeps its last count some T_M late."""
+"""The zero is set after the count stayed for 0.1 s: a braked joint creeps its last count some T_M late."""
 
 
 SWITCHES = Inputs.NEGATIVE_LIMIT | Inputs.POSITIVE_LIMIT
@@ -284,7 +284,7 @@ class HomingSearch:
         return Leg(Ending.LIMIT if limited else Ending.DONE, position)
 
     async def rest_idle(self) -> int:
-        """Go idle and wait until the count has stood still for long; that count."""
+        """Go idle, wait until the count has stayed for long, and return it."""
         await self._axis.set_mode(Mode.IDLE, after_pending=True)
         return await self._rest(still=0, looks=QUIET_LOOKS)
 
@@ -295,22 +295,22 @@ class HomingSearch:
         for _ in range(REST_LOOKS):
             self.raise_fault()
             snapshot, time = await axis.board.timed_snapshot()
-            seen = snapshot.axes[axis.channel]
-            axis.take_snapshot(seen, time)
-            at_rest = last is not None and abs(seen.actual - last) <= still and _is_stopped(seen)
+            reading = snapshot.axes[axis.channel]
+            axis.take_snapshot(reading, time)
+            at_rest = last is not None and abs(reading.actual - last) <= still and _is_stopped(reading)
             quiet = quiet + 1 if at_rest else 0
             if quiet >= looks:
-                return seen.actual
-            last = seen.actual
+                return reading.actual
+            last = reading.actual
             await asyncio.sleep(READ_BACK_SECONDS)
         raise self._fail(HomingFailure.NOT_AT_REST, f"{REST_LOOKS * READ_BACK_SECONDS:.1f} s after the stop")
 
 
-def _is_stopped(seen: AxisSnapshot) -> bool:
+def _is_stopped(reading: AxisSnapshot) -> bool:
     """True when nothing commands motion: idle, or position mode without a profile."""
-    if seen.mode is Mode.IDLE:
+    if reading.mode is Mode.IDLE:
         return True
-    return seen.mode is Mode.POSITION and not seen.flags & Flags.PROFILE
+    return reading.mode is Mode.POSITION and not reading.flags & Flags.PROFILE
 
 
 def _leg_listener(axis: Axis, ended: "asyncio.Future[Leg]") -> Callable[[BoardEvent], None]:
@@ -322,7 +322,7 @@ def _leg_listener(axis: Axis, ended: "asyncio.Future[Leg]") -> Callable[[BoardEv
 
     began = asyncio.get_running_loop().time()
 
-    def heard(event: BoardEvent) -> None:
+    def received(event: BoardEvent) -> None:
         ending = endings.get(event.kind)
         time = axis.board.clock.to_loop(event.time_us)
         # An event of an earlier leg that had to be repeated ends no later one.
@@ -330,4 +330,4 @@ def _leg_listener(axis: Axis, ended: "asyncio.Future[Leg]") -> Callable[[BoardEv
         if ending is not None and not stale and not ended.done():
             ended.set_result(Leg(ending, event.position))
 
-    return heard
+    return received

@@ -85,7 +85,7 @@ def test_design_takes_constants_in_place_of_the_thesis_ones(ctl: Ctl) -> None:
         (["--sim", "identify", "neck"], r"no joint 'neck'; the head has pan, tilt"),
         (
             ["--sim", "identify", "tilt", "--excursion", "25"],
-            r"tilt: stands at .* the excitation needs 50\.00° each way",
+            r"tilt: is at .* the excitation needs 50\.00° each way",
         ),
         (["--sim", "identify", "tilt", "--largest", "400"], r"400 DAC counts is not in 4\.\.127"),
         (["--sim", "tune", "pan", "--bytes", "0,0,60,255"], r"is unstable"),

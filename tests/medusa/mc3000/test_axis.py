@@ -164,18 +164,18 @@ async def test_a_joint_stops_before_its_soft_limit_in_the_velocity_modes(
         await Mc3000Drive.of(head).axes[name].set_mode(mode)
     await head.velocity({name: math.radians(speed_deg)})
     await asyncio.sleep(1.5)
-    stands = math.degrees(true_angle(sim, name))
-    assert abs(stands) <= 38.0
+    rest = math.degrees(true_angle(sim, name))
+    assert abs(rest) <= 38.0
     # Not absurdly early either: what passes in the supervision's 40 ms and between two looks. Mode 2 brakes
     # harder than the configured ramp, whose length, v²/2a, is left to it all the same.
     ramp = speed_deg**2 / 2160 if mode is Mode.PROPORTIONAL_VELOCITY else 0.0
-    assert abs(stands) >= 38.0 - 0.5 - abs(speed_deg) * 0.055 - ramp
+    assert abs(rest) >= 38.0 - 0.5 - abs(speed_deg) * 0.055 - ramp
     assert [(fault.cause, fault.joints) for fault in faults] == [(Cause.SOFT_LIMIT, (name,))]
     with pytest.raises(CommandError, match=r"cannot stop any more before the soft limit of"):
         await head.velocity({name: math.radians(speed_deg)})
     await head.velocity({name: math.radians(-speed_deg / 10)})
     await asyncio.sleep(0.2)
-    assert abs(math.degrees(true_angle(sim, name))) < abs(stands)
+    assert abs(math.degrees(true_angle(sim, name))) < abs(rest)
 
 
 async def test_a_lost_encoder_in_proportional_velocity_idles_the_joint(

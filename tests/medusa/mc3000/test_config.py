@@ -1,4 +1,4 @@
-"""The configuration file: what it says, what it refuses in one line, and writing single keys back."""
+"""The configuration file: what it holds, what it refuses in one line, and writing single keys back."""
 
 import math
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_the_template_leaves_every_hazardous_key_empty() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "told"),
+    ("before", "after", "reported"),
     [
         ("sign = -1", "sign = 2", "axes.right_vergence.sign = 2: one of -1, 1"),
         ("sign = -1\n", "", "axes.right_vergence.sign is missing: one of -1, 1"),
@@ -95,10 +95,10 @@ def test_the_template_leaves_every_hazardous_key_empty() -> None:
         ("T = 255 }\nprop", "T = 14 }\nprop", "axes.pan.filters.position.T = 14: at least 15: profiles"),
     ],
 )
-def test_a_mistake_is_told_in_one_line_with_key_value_and_what_is_allowed(
-    before: str, after: str, told: str
+def test_a_mistake_is_reported_in_one_line_with_key_value_and_what_is_allowed(
+    before: str, after: str, reported: str
 ) -> None:
-    assert told in refusal(changed(before, after))
+    assert reported in refusal(changed(before, after))
 
 
 def test_joints_of_one_board_have_equal_timers() -> None:

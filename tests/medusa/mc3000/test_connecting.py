@@ -1,4 +1,4 @@
-"""Connecting to a head that is not quite as expected: what is refused, what is only said."""
+"""Connecting to a head that is not quite as expected: what is refused, what is only logged."""
 
 import asyncio
 import struct
@@ -23,7 +23,7 @@ async def test_chips_with_another_clock_are_refused(
             pass
 
 
-async def test_a_head_whose_amplifiers_are_not_heard_is_looked_at_and_stopped_but_not_believed_homed(
+async def test_a_head_whose_amplifiers_do_not_answer_is_read_and_stopped_but_not_taken_as_homed(
     sim: SimulatedHead,
 ) -> None:
     async with sim.open() as head:
@@ -41,7 +41,7 @@ async def test_a_head_whose_amplifiers_are_not_heard_is_looked_at_and_stopped_bu
         await head.stop()
 
 
-async def test_homing_is_believed_again_once_the_amplifiers_are_heard(sim: SimulatedHead) -> None:
+async def test_homing_is_valid_again_once_the_amplifiers_answer(sim: SimulatedHead) -> None:
     async with sim.open() as head:
         await head.home(["pan"])
     sim.bench.inject("wire.stall", line="servo-amps", seconds=1.0)
@@ -65,7 +65,7 @@ async def test_amplifiers_that_a_dead_host_left_enabled_are_inhibited_for_good(
         assert await head.clear() == {}
     joints = sim.bench.state()["head"]["joints"]
     assert {joint["bridge"] for joint in joints.values()} == {"inhibited"}
-    # Nobody feeds the amplifiers now, and none of them minds.
+    # Nobody feeds the amplifiers now, and none of them latches a fault.
     await asyncio.sleep(10.0)
     async with sim.open() as head:
         await head.enable()

@@ -24,7 +24,7 @@ async def test_frictionless_plant_is_found_to_three_and_one_per_cent(name: str) 
         assert found.plant.velocity_gain == pytest.approx(truth.velocity_gain, rel=0.01)
         assert abs(found.asymmetry) < 0.01
         assert Mc3000Drive.of(head).axes[name].mode is Mode.IDLE
-        # The pulses come in pairs: the joint is left within an excursion of where it stood.
+        # The pulses come in pairs: the joint is left within an excursion of where it was.
         assert abs((await head.read()).joints[name].angle) < math.radians(8.0)
 
 
@@ -50,14 +50,14 @@ async def test_an_axis_not_homed_or_near_a_limit_is_refused_and_nothing_moves() 
         await head.home(["left_vergence"])
         await head.move({"left_vergence": math.radians(30.0)})
         with pytest.raises(
-            CommandError, match=r"stands at 30\.\d+°, [78]\.\d+° from its soft limit of 38\.00°.*16\.00°"
+            CommandError, match=r"is at 30\.\d+°, [78]\.\d+° from its soft limit of 38\.00°.*16\.00°"
         ):
             await measure_plant(head, "left_vergence")
         with pytest.raises(CommandError, match="no joint 'neck'"):
             await measure_plant(head, "neck")
         after = sim.machine.joint_angles(asyncio.get_running_loop().time())
         assert after["pan"] == before["pan"]
-        # Stood where it was moved to: within the dead band of 7 counts.
+        # At rest where it was moved to: within the dead band of 7 counts.
         assert after["left_vergence"] == pytest.approx(math.radians(30.0), abs=math.radians(7 / 322.58))
 
 
@@ -118,7 +118,7 @@ async def test_an_emergency_stop_in_a_pulse_is_a_fault_of_the_joint_not_a_mistak
         assert abs((await head.read()).joints["tilt"].angle - where) < math.radians(16.0)  # two excursions
 
 
-async def test_a_joint_without_power_is_a_fault_that_says_so() -> None:
+async def test_a_joint_without_power_is_a_fault_with_its_reason() -> None:
     async with simulated_head(seed=4) as sim, sim.open() as head:
         await head.home(["pan"])
         sim.bench.inject("head.current_limits", axis="pan", peak=1e-4, continuous=1e-4)

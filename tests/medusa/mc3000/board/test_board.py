@@ -43,7 +43,7 @@ async def in_control(board: Board, axis: int = SPARE, mode: Mode = Mode.POSITION
     await board.mode(axis, mode)
 
 
-async def test_hello_tells_three_axes_at_two_megahertz(board: Board) -> None:
+async def test_hello_reports_three_axes_at_two_megahertz(board: Board) -> None:
     assert board.session.hello is not None
     assert board.clock_hz == 2_000_000
     assert board.boot_count == board.session.hello.boot_count
@@ -135,7 +135,7 @@ async def test_velocity_in_both_velocity_modes(board: Board) -> None:
     assert (await board.snapshot()).axes[SPARE].mode is Mode.INTEGRAL_VELOCITY
 
 
-async def test_an_armed_move_waits_for_start_and_tells_its_end(board: Board) -> None:
+async def test_an_armed_move_waits_for_start_and_reports_its_end(board: Board) -> None:
     events: list[BoardEvent] = []
     board.subscribe(events.append)
     await in_control(board)
@@ -205,7 +205,7 @@ async def test_the_latch_catches_the_home_edge(sim: SimulatedHead, board: Board)
     assert not (await board.latched(PAN)).caught
 
 
-async def test_the_mark_is_kept_until_the_count_is_void(board: Board) -> None:
+async def test_the_mark_is_kept_until_the_count_is_invalid(board: Board) -> None:
     assert await board.read_mark(SPARE) == bytes(4)
     await board.write_mark(SPARE, b"mark")
     assert await board.read_mark(SPARE) == b"mark"
@@ -222,7 +222,7 @@ async def test_open_loop_output_needs_the_watchdog(board: Board) -> None:
     assert (await board.snapshot()).axes[SPARE].motor_command == 4
 
 
-async def test_an_unfed_watchdog_idles_every_axis_and_says_so(board: Board) -> None:
+async def test_an_unfed_watchdog_idles_every_axis_and_reports_it(board: Board) -> None:
     events: list[BoardEvent] = []
     board.subscribe(events.append)
     await in_control(board)
@@ -234,7 +234,7 @@ async def test_an_unfed_watchdog_idles_every_axis_and_says_so(board: Board) -> N
     assert [(e.kind, e.axis, e.detail) for e in events] == [(EventKind.WATCHDOG_EXPIRED, None, 0)]
 
 
-async def test_ping_and_snapshots_tell_the_boards_time(board: Board) -> None:
+async def test_ping_and_snapshots_carry_the_boards_time(board: Board) -> None:
     loop = asyncio.get_running_loop()
     first = await board.ping()
     await asyncio.sleep(1.0)
@@ -245,7 +245,7 @@ async def test_ping_and_snapshots_tell_the_boards_time(board: Board) -> None:
     assert asked < instant < asked + 0.002
 
 
-async def test_a_snapshot_shows_three_standing_axes_after_power_up(board: Board) -> None:
+async def test_a_snapshot_shows_three_axes_at_rest_after_power_up(board: Board) -> None:
     snapshot = await board.snapshot()
     assert [axis.actual for axis in snapshot.axes] == [0, 0, 0]
     assert all(axis.mode is Mode.IDLE and axis.motor_command == 0 for axis in snapshot.axes)

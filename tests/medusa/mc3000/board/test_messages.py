@@ -62,7 +62,7 @@ def test_a_reply_of_the_page_decodes(vector: dict[str, Any]) -> None:
     assert decode(bytes.fromhex(vector["payload"])) == expected(vector["fields"])
 
 
-def test_the_boards_part_of_hello_tells_axes_and_clock() -> None:
+def test_the_boards_part_of_hello_carries_axes_and_clock() -> None:
     (hello,) = (v for v in VECTORS if v["name"] == "HELLO reply")
     # The first eight bytes belong to the link.
     part = bytes.fromhex(hello["payload"])[8:]

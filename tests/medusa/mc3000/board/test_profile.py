@@ -42,9 +42,11 @@ def test_a_speed_that_the_chip_cannot_do_is_refused_with_the_number() -> None:
         make_profile(1e5, 0.2 / PERIOD, SLOWEST, CLOCK_HZ)
 
 
-@pytest.mark.parametrize(("acceleration", "told"), [(0.0, r"0\.00/256"), (128 / PERIOD**2, r"32768\.00/256")])
+@pytest.mark.parametrize(
+    ("acceleration", "reported"), [(0.0, r"0\.00/256"), (128 / PERIOD**2, r"32768\.00/256")]
+)
 def test_an_acceleration_that_the_chip_cannot_do_is_refused_with_the_number(
-    acceleration: float, told: str
+    acceleration: float, reported: str
 ) -> None:
-    with pytest.raises(CommandError, match=told):
+    with pytest.raises(CommandError, match=reported):
         make_profile(acceleration, 1e4, SLOWEST, CLOCK_HZ)

@@ -122,13 +122,13 @@ async def test_homing_only_the_named_joints(sim: SimulatedHead) -> None:
             await head.home(["neck"])
 
 
-async def test_a_new_process_believes_the_mark(sim: SimulatedHead) -> None:
+async def test_a_new_process_takes_the_mark_as_valid(sim: SimulatedHead) -> None:
     async with sim.open() as head:
         await head.home()
         await head.move({"pan": 0.3})
     async with sim.open() as head:
         assert all(axis.homed for axis in Mc3000Drive.of(head).axes.values())
-        # 0.3 rad within the dead band, zero and rounding; idle in between, it stands where it stood.
+        # 0.3 rad within the dead band, zero and rounding; idle in between, it stays where it was.
         assert (await head.read()).joints["pan"].angle == pytest.approx(0.3, abs=6 / 15915)
 
 
@@ -144,12 +144,12 @@ async def homed_joints(sim: SimulatedHead, config: Mc3000Config | None = None) -
         return {name for name, axis in Mc3000Drive.of(head).axes.items() if axis.homed}
 
 
-async def test_a_restarted_board_is_not_believed(homed: SimulatedHead) -> None:
+async def test_a_restarted_board_makes_the_mark_invalid(homed: SimulatedHead) -> None:
     homed.bench.inject("head.restart_board", board=1)
     assert await homed_joints(homed) == {"pan"}
 
 
-async def test_another_configuration_is_not_believed(homed: SimulatedHead) -> None:
+async def test_another_configuration_makes_the_mark_invalid(homed: SimulatedHead) -> None:
     assert await homed_joints(homed, homed.config.with_axis("tilt", home_edge_deg=-11.0)) == {
         "pan",
         "left_vergence",
@@ -157,7 +157,7 @@ async def test_another_configuration_is_not_believed(homed: SimulatedHead) -> No
     }
 
 
-async def test_another_port_is_not_believed(homed: SimulatedHead) -> None:
+async def test_another_port_makes_the_mark_invalid(homed: SimulatedHead) -> None:
     async with open_head(homed.config, homed.boards, homed.amps, port_name="another") as head:
         assert not any(axis.homed for axis in Mc3000Drive.of(head).axes.values())
 
@@ -169,7 +169,7 @@ async def test_a_lost_feedback_zeroes_the_mark(homed: SimulatedHead) -> None:
         assert await Mc3000Drive.of(head).axes["tilt"].board.read_mark(2) == NO_MARK
 
 
-async def test_a_preset_voids_the_mark(homed: SimulatedHead) -> None:
+async def test_a_preset_clears_the_mark(homed: SimulatedHead) -> None:
     async with homed.open() as head:
         await Mc3000Drive.of(head).axes["pan"].board.preset(0, 5)
     assert await homed_joints(homed) == {"tilt", "left_vergence", "right_vergence"}
@@ -191,7 +191,7 @@ async def test_the_mark_is_written_last_of_all(sim: SimulatedHead) -> None:
         watching = asyncio.ensure_future(watch())
         await head.home(["pan"])
         await watching
-        # As long as there was no mark there was no trust; with it, the joint stood at its home angle.
+        # As long as there was no mark it did not count as homed; with it, the joint is at its home angle.
         assert marks[-1] == (Mc3000Drive.of(head).mark("pan"), Mode.POSITION, True)
         assert all(mark == NO_MARK for mark, _, _ in marks[:-1])
 

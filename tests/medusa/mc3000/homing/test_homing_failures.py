@@ -31,10 +31,10 @@ async def test_no_sensor_within_travel(sim: SimulatedHead) -> None:
     sim.bench.inject("head.sensor", axis="tilt", stuck="off")
     with sim.machine.record("tilt") as record:
         async with sim.open() as head:
-            told = await expect_failure(head, "tilt", HomingFailure.NO_SENSOR)
+            message = await expect_failure(head, "tilt", HomingFailure.NO_SENSOR)
             assert_left_disabled(sim, "tilt")
             assert await Mc3000Drive.of(head).axes["tilt"].board.read_mark(2) == NO_MARK
-    assert "no sensor within travel" in told
+    assert "no sensor within travel" in message
     # It went to the positive switch, reversed there, and looked as far as the negative one.
     assert math.degrees(max(record.angle)) >= 40.0
     assert math.degrees(min(record.angle)) <= -40.0
@@ -43,8 +43,8 @@ async def test_no_sensor_within_travel(sim: SimulatedHead) -> None:
 async def test_sensor_stuck_on(sim: SimulatedHead) -> None:
     sim.bench.inject("head.sensor", axis="right_vergence", stuck="on")
     async with sim.open() as head:
-        told = await expect_failure(head, "right_vergence", HomingFailure.SENSOR_STUCK_ON)
-        assert "sensor stuck on (until the limit switch)" in told
+        message = await expect_failure(head, "right_vergence", HomingFailure.SENSOR_STUCK_ON)
+        assert "sensor stuck on (until the limit switch)" in message
         assert_left_disabled(sim, "right_vergence")
 
 
@@ -59,8 +59,8 @@ async def test_both_switches_at_once(sim: SimulatedHead) -> None:
 async def test_still_on_the_limit_switch_after_backing_off(sim: SimulatedHead) -> None:
     sim.bench.inject("head.switch", axis="pan", side="negative", held="closed")
     async with sim.open() as head:
-        told = await expect_failure(head, "pan", HomingFailure.STILL_ON_SWITCH)
-        assert "limit switch closed after 10°" in told
+        message = await expect_failure(head, "pan", HomingFailure.STILL_ON_SWITCH)
+        assert "limit switch closed after 10°" in message
         assert_left_disabled(sim, "pan")
 
 
@@ -72,8 +72,8 @@ async def test_still_on_the_sensor_after_retract(sim: SimulatedHead) -> None:
                 sim.bench.inject("head.sensor", axis="pan", stuck="on")
 
         Mc3000Drive.of(head).axes["pan"].subscribe(stick)
-        told = await expect_failure(head, "pan", HomingFailure.STILL_ON_SWITCH)
-        assert "2° before its edge" in told
+        message = await expect_failure(head, "pan", HomingFailure.STILL_ON_SWITCH)
+        assert "2° before its edge" in message
         assert_left_disabled(sim, "pan")
 
 
