@@ -42,7 +42,7 @@ class ServoDesign:
     velocity_register: int
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON: SI units and counts, degrees where the key says so."""
+        """JSON: SI units and counts, degrees where the key ends so."""
         real = self.registers.filter
         return {
             "sample_period_s": self.discrete.period,

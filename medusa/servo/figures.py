@@ -122,7 +122,7 @@ def _gains(breakaway: float, reentry: float) -> NDArray[np.float64]:
     return np.unique(np.concatenate([[0.0], breakaway * fine, reentry * fine, wide]))
 
 
-def _note(axes: Axes, place: complex, text: str, offset: tuple[float, float]) -> None:
+def _annotate(axes: Axes, place: complex, text: str, offset: tuple[float, float]) -> None:
     axes.plot([place.real], [place.imag], ".", color=INK, markersize=7)
     axes.annotate(
         text,
@@ -158,9 +158,9 @@ def figure_6_5(design: ServoDesign) -> Figure:
     axes[1].set_ylim(-0.66, 0.66)
     axes[1].set_aspect("auto")
     axes[1].set_title("near z = 1")
-    _note(axes[1], complex(place, 0), f"poles meet\nK = {gain:.4f}", (-92, -40))
-    _note(axes[1], upper, f"leaves the unit circle\nK = {limit:.3f}", (18, -4))
-    _note(axes[1], at_one, f"K = 1: |z| = {abs(at_one):.4f}", (14, 12))
+    _annotate(axes[1], complex(place, 0), f"poles meet\nK = {gain:.4f}", (-92, -40))
+    _annotate(axes[1], upper, f"leaves the unit circle\nK = {limit:.3f}", (18, -4))
+    _annotate(axes[1], at_one, f"K = 1: |z| = {abs(at_one):.4f}", (14, 12))
     return figure
 
 
@@ -179,8 +179,8 @@ def figure_6_6(design: ServoDesign) -> Figure:
     axes.set_xlim(-3.6, 1.8)
     axes.set_ylim(-2.1, 2.1)
     axes.set_title("With A = p, B = 0")
-    _note(axes, double, f"double pole {double.real:.3f}\nK = {controller.gain:.2f}", (-16, -84))
-    _note(axes, edge, f"leaves the unit circle\nK = {limit:.2f}", (20, 34))
+    _annotate(axes, double, f"double pole {double.real:.3f}\nK = {controller.gain:.2f}", (-16, -84))
+    _annotate(axes, edge, f"leaves the unit circle\nK = {limit:.2f}", (20, 34))
     axes.plot(
         [real.real, real.real], [real.imag, -real.imag], "d", color=GREEN, markersize=6,
         label=f"nearest bytes, K = {design.registers.gain / 4:.2f}",

@@ -55,7 +55,7 @@ class Pulse:
         """(latest sample before, earliest sample with) the pulse."""
         first = int(np.argmax(self.shown_dac == self.dac))
         if self.shown_dac[first] != self.dac or first == 0:
-            raise CommandError(f"a pulse of {self.dac} DAC counts was not seen to begin")
+            raise CommandError(f"a pulse of {self.dac} DAC counts shows no beginning")
         return float(self.time[first - 1]), float(self.time[first])
 
     @property
@@ -63,13 +63,13 @@ class Pulse:
         """(latest sample with, earliest sample after) the pulse."""
         last = len(self.shown_dac) - 1 - int(np.argmax(self.shown_dac[::-1] == self.dac))
         if last == len(self.shown_dac) - 1:
-            raise CommandError(f"a pulse of {self.dac} DAC counts was not seen to end")
+            raise CommandError(f"a pulse of {self.dac} DAC counts shows no end")
         return float(self.time[last]), float(self.time[last + 1])
 
 
 @dataclass(frozen=True)
 class DirectionEstimate:
-    """What the pulses of one direction of the counts say."""
+    """Gain and friction that the pulses of one direction of the counts give."""
 
     velocity_gain: float
     friction_dac: float
@@ -124,13 +124,13 @@ def estimate_plant(pulses: Sequence[Pulse]) -> Identification:
     """Least squares over all pulses for T_M, and C and friction of each direction.
 
     Levenberg–Marquardt; the pulse times and starting positions are unknowns, too. Raises CommandError when the
-    pulses cannot tell friction from gain (two sizes are needed each way) or did not move the joint.
+    pulses do not separate friction from gain (two sizes are needed each way) or did not move the joint.
     """
     for sign, name in ((1, "positive"), (-1, "negative")):
         sizes = {abs(p.dac) for p in pulses if p.dac * sign > 0}
         if len(sizes) < 2:
             raise CommandError(
-                f"friction and gain cannot be told apart: {len(sizes)} size(s) of {name} pulses, 2 are needed"
+                f"friction and gain cannot be separated: {len(sizes)} size(s) of {name} pulses, 2 are needed"
             )
     problem = _Problem(pulses)
     theta, covariance, residuals = problem.solve()

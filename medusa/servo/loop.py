@@ -75,7 +75,7 @@ class MotorModel:
         with np.errstate(divide="ignore", invalid="ignore"):
             until = np.where(stops, self._tm * np.log((self.velocity - final) / -final), 0.0)
         until = np.clip(np.nan_to_num(until, nan=0.0, posinf=0.0), 0.0, self._t)
-        standing = (
+        stopped = (
             self.position
             + final * until
             + (self.velocity - final) * self._tm * (1 - np.exp(-until / self._tm))
@@ -83,7 +83,7 @@ class MotorModel:
         rest = self._t - until
         onward = np.where(np.abs(dac) > self._f, self._c * (dac - np.sign(dac) * self._f), 0.0)
         left = np.exp(-rest / self._tm)
-        self.position = np.where(stops, standing + onward * (rest - self._tm * (1 - left)), self.position)
+        self.position = np.where(stops, stopped + onward * (rest - self._tm * (1 - left)), self.position)
         self.velocity = np.where(stops, onward * (1 - left), self.velocity)
 
 

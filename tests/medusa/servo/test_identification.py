@@ -16,7 +16,7 @@ LINE_PERIOD = 5e-3  # a SNAPSHOT and its reply take about this long at 115200 ba
 def integrate(
     plant: Plant, dac: float, friction: float, on: float, off: float, times: np.ndarray
 ) -> np.ndarray:
-    """Euler steps of 2 µs of T_M v' = C (u − f sign v) − v, standing while |u| ≤ f."""
+    """Euler steps of 2 µs of T_M v' = C (u − f sign v) − v, at rest while |u| ≤ f."""
     step = 2e-6
     position = velocity = t = 0.0
     out = []
@@ -92,7 +92,7 @@ def test_what_the_model_leaves_out_widens_the_stated_uncertainty() -> None:
     assert estimate_plant(wobbling).time_constant_error > 3 * estimate_plant(clean).time_constant_error
 
 
-def test_one_size_of_pulse_cannot_tell_friction_from_gain_and_is_refused() -> None:
+def test_one_size_of_pulse_does_not_separate_friction_from_gain_and_is_refused() -> None:
     rng = np.random.default_rng(1)
     plant = JOINTS["pan"].plant
     with pytest.raises(CommandError, match=r"1 size\(s\) of negative pulses, 2 are needed"):
@@ -112,10 +112,10 @@ def test_a_joint_that_stood_still_is_refused() -> None:
 def test_a_pulse_that_was_never_seen_or_is_zero_is_refused() -> None:
     time = np.arange(0, 0.1, LINE_PERIOD)
     unseen = Pulse(5, time, np.zeros_like(time), np.zeros(len(time), dtype=np.int64))
-    with pytest.raises(CommandError, match="not seen to begin"):
+    with pytest.raises(CommandError, match="shows no beginning"):
         _ = unseen.on_bracket
     endless = Pulse(5, time, np.zeros_like(time), np.where(time > 0.05, 5, 0))
-    with pytest.raises(CommandError, match="not seen to end"):
+    with pytest.raises(CommandError, match="shows no end"):
         _ = endless.off_bracket
     with pytest.raises(ValueError, match="moves nothing"):
         Pulse(0, time, time, unseen.shown_dac)

@@ -93,7 +93,7 @@ def test_ramp_is_followed_speed_over_velocity_constant_behind() -> None:
     assert speed / PERIOD / 187 - 1 <= lag <= speed / PERIOD / 187 + 6.6 + 1
 
 
-def test_motor_with_friction_stands_still_below_it_and_coasts_to_rest() -> None:
+def test_motor_with_friction_stays_at_rest_below_it_and_coasts_to_rest() -> None:
     motor = MotorModel(0.016, 1235.0, 0.002, friction=2.0)
     for value in (1, 2, -2, 0):
         motor.advance(np.asarray(value, dtype=np.int64))
@@ -141,7 +141,7 @@ def test_a_batch_gives_each_member_what_it_gets_alone() -> None:
 
 
 def test_dac_is_truncated_toward_zero_and_clamped() -> None:
-    plant = Plant(1e3, 1e-9)  # stands practically still
+    plant = Plant(1e3, 1e-9)  # practically at rest
     for step, expected in ((1, 1), (-1, -1), (3, 3), (90, 112), (200, 127), (-200, -128)):
         record = simulate_position(plant, FilterRegisters(0, 0, 5, 255), [step], start=0.5)
         assert record.dac[0] == expected  # trunc(1.25 X)

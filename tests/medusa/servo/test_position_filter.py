@@ -58,7 +58,7 @@ def test_double_pole_design_gives_the_gains_of_6_12_to_6_14(name: str) -> None:
 def test_printed_gains_are_the_design_to_one_in_the_second_decimal(name: str) -> None:
     joint = JOINTS[name]
     controller = design_double_pole(joint.plant.discretise(PERIOD))
-    # The print rounds b before K: 1.20 and 1.71 stand where 1.19 and 1.72 come out.
+    # The print rounds b before K: 1.20 and 1.71 are printed where 1.19 and 1.72 come out.
     assert controller.gain == pytest.approx(joint.printed_filter.gain, abs=0.011)
     assert controller.zero == pytest.approx(joint.printed_filter.zero)
 

@@ -35,7 +35,7 @@ def test_bounds_agree_with_the_print_to_its_digit_but_for_the_vergence_accuracy(
         assert value == pytest.approx(printed, abs=0.07 if printed == 3.5 else 0.05)
 
 
-def test_pan_cannot_be_both_stable_and_accurate_and_says_so() -> None:
+def test_pan_cannot_be_both_stable_and_accurate_and_the_statement_names_both() -> None:
     pan = velocity_bounds(JOINTS["pan"].plant.discretise(PERIOD))
     assert not pan.accuracy_is_stable
     assert "(i) and (ii) cannot both be met" in pan.statement()
