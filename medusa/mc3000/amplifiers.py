@@ -28,7 +28,10 @@ class Amplifiers:
         return name in self.enabled and (await self._amplifiers[name].status()).enabled
 
     async def enable(self, name: str) -> None:
-        """Enable the amplifier of an idle axis, and its watchdog; DeviceFault names a joint that stays inhibited."""
+        """Enable the amplifier of an idle axis, and its watchdog.
+
+        Raises DeviceFault naming a joint that stays inhibited.
+        """
         amplifier = self._amplifiers[name]
         status = await amplifier.status()
         if status.was_reset:

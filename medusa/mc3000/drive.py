@@ -97,7 +97,7 @@ class Mc3000Drive(Drive):
 
     @staticmethod
     def of(group: JointGroup) -> "Mc3000Drive":
-        """The drive of a head, when it is one of these; CommandError else."""
+        """The drive of a head; raises CommandError when it is another one."""
         if not isinstance(group.drive, Mc3000Drive):
             raise CommandError("this needs MC3000 boards; the configured head has another drive")
         return group.drive
@@ -218,7 +218,7 @@ class Mc3000Drive(Drive):
             log.info("disabled: every amplifier inhibited at rest")
 
     async def rest(self, names: Collection[str]) -> None:
-        """Wait until these joints are at rest; DeviceFault names those that are not in time."""
+        """Wait until these joints are at rest; raises DeviceFault naming those that are not in time."""
         await self._stopping.rest(names)
 
     async def home(self, names: Collection[str], mover: Mover) -> dict[str, HomingResult]:
@@ -278,7 +278,7 @@ class Mc3000Drive(Drive):
         return tuple(f"{a:02X}H" for a in masks if self.boards[a].repeats != before[a])
 
     async def _ask_for_the_end(self, plan: MovePlan) -> None:
-        """The event was lost, or the profile has not ended: DeviceFault then."""
+        """Ask whether the event was lost; raises DeviceFault when the profile has not ended."""
         joints = (await self.read(plan.device)).joints
         late = [
             name

@@ -62,7 +62,7 @@ class Excitation:
 async def measure_plant(group: JointGroup, name: str, excitation: Excitation | None = None) -> Identification:
     """Measure T_M, C, friction and the asymmetry of one joint; it is left idle.
 
-    CommandError, and nothing moves, when the joint is not homed or is too near to a soft limit; DeviceFault
+    Raises CommandError, and nothing moves, when the joint is not homed or is too near to a soft limit; DeviceFault
     when it does not move or runs out of its excursion (it is stopped then).
     """
     excitation = excitation or Excitation()

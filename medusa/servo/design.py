@@ -89,7 +89,7 @@ class ServoDesign:
 
 
 def design_servo(plant: Plant, counts_per_radian: float, timer: int, name: str = "axis") -> ServoDesign:
-    """Chapter 6.4 for one plant; CommandError where the design's gain does not fit into the byte."""
+    """Chapter 6.4 for one plant; raises CommandError where the design's gain does not fit into the byte."""
     scale = AxisScale(counts_per_radian, timer, plant, name)
     discrete = plant.at_timer(timer)
     controller = design_double_pole(discrete)

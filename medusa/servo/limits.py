@@ -29,6 +29,7 @@ class AxisScale:
 
     @property
     def period(self) -> float:
+        """Sample period, s."""
         return sample_period(self.timer)
 
     def counts_per_sample(self, speed: float) -> float:
@@ -61,7 +62,7 @@ class AxisScale:
         return timer if timer is not None and timer >= TIMER_MIN_PROFILE else None
 
     def check_speed(self, speed: float) -> None:
-        """CommandError when the chip or the amplifier cannot do `speed` [rad/s]."""
+        """Raise CommandError when the chip or the amplifier cannot do `speed` [rad/s]."""
         if not math.isfinite(speed):
             raise CommandError(f"{self.name}: a speed of {speed} rad/s is no number that can be commanded")
         counts = abs(self.counts_per_sample(speed))
@@ -137,7 +138,7 @@ class AxisScale:
         )
 
     def check_drive(self, speed: float, acceleration: float) -> None:
-        """CommandError when speed and acceleration together need more than DAC 127: (v + a T_M)/C."""
+        """Raise CommandError when speed and acceleration together need more than DAC 127: (v + a T_M)/C."""
         if self.plant is None:
             return
         demand = abs(speed) + abs(acceleration) * self.plant.time_constant

@@ -120,7 +120,7 @@ def closed_loop_poles(plant: DiscretePlant, controller: Filter) -> NDArray[np.co
 
 
 def check_stable(plant: DiscretePlant, controller: Filter) -> None:
-    """CommandError, with the greatest pole, when the position loop is not stable."""
+    """Raise CommandError, with the greatest pole, when the position loop is not stable."""
     greatest = float(np.abs(closed_loop_poles(plant, controller))[0])
     if not greatest < 1:
         raise CommandError(
@@ -130,7 +130,7 @@ def check_stable(plant: DiscretePlant, controller: Filter) -> None:
 
 
 def nearest_registers(controller: Filter, timer: int) -> FilterRegisters:
-    """The bytes nearest to a filter; CommandError where it lies outside the registers."""
+    """The bytes nearest to a filter; raises CommandError where it lies outside the registers."""
     bytes_ = (round(controller.zero * 256), round(controller.pole * 256), round(controller.gain * 4))
     return FilterRegisters(*bytes_, timer)
 

@@ -110,7 +110,10 @@ class IntegralVelocity:
         self._target = 0
 
     def set_velocity(self, velocity: int) -> None:
-        """Register 3CH: −128..127 counts/sample, at most 127 from the last command; else CommandError."""
+        """Register 3CH: −128..127 counts/sample, at most 127 from the last command.
+
+        Raises CommandError for more.
+        """
         if not -128 <= velocity <= 127:
             raise CommandError(f"integral velocity {velocity} counts/sample is outside -128..127")
         if abs(velocity - self._target) > SPEED_MAX:
@@ -141,7 +144,7 @@ class IntegralVelocity:
 def plan_trapezoid(scale: AxisScale, distance: float, speed: float, acceleration: float) -> Trapezoid:
     """The chip's profile for `distance` [rad] within `speed` [rad/s] at `acceleration` [rad/s²].
 
-    Speed is rounded down and acceleration to the nearest the registers hold. CommandError when the chip or
+    Speed is rounded down and acceleration to the nearest the registers hold. Raises CommandError when the chip or
     the amplifier cannot do it; the amplifier is asked about the speed that this distance really reaches.
     """
     profile = Trapezoid(

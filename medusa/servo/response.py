@@ -22,6 +22,7 @@ class StepFigures:
     """Target minus the mean of the last tenth."""
 
     def as_dict(self) -> dict[str, float]:
+        """JSON: the figures by name."""
         return asdict(self)
 
 

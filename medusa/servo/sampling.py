@@ -16,7 +16,7 @@ TIMER_MAX = 255
 
 
 def sample_period(timer: int) -> float:
-    """Sample period in seconds, t = 16 (T + 1)/f_clk; CommandError outside 7..255."""
+    """Sample period in seconds, t = 16 (T + 1)/f_clk; raises CommandError outside 7..255."""
     if not TIMER_MIN <= timer <= TIMER_MAX:
         raise CommandError(
             f"sample timer {timer} is outside {TIMER_MIN}..{TIMER_MAX} "
@@ -32,7 +32,7 @@ def longest_timer_within(period: float) -> int | None:
 
 
 def timer_for(period: float) -> int:
-    """The timer that makes exactly `period` seconds; CommandError names the two periods next to it."""
+    """The timer that makes exactly `period` seconds; raises CommandError naming the two periods next to it."""
     nearest = round(period / TICK) - 1
     if TIMER_MIN <= nearest <= TIMER_MAX and math.isclose((nearest + 1) * TICK, period, rel_tol=1e-9):
         return nearest

@@ -58,7 +58,7 @@ class Criterion:
 
 
 def search_filter(plant: Plant, timer: int, criterion: Criterion | None = None) -> Candidate:
-    """The best bytes A, B, K at one sample timer; CommandError when none meets the criterion.
+    """The best bytes A, B, K at one sample timer; raises CommandError when none meets the criterion.
 
     A coarse grid of the bytes that have the margins, then every byte about the best of them.
     """

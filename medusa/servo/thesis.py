@@ -59,7 +59,7 @@ class ThesisJoint:
         return Plant.from_discrete(self.printed_gain, self.printed_pole, PERIOD)
 
     @property
-    def constants(self) -> "PhysicalConstants":
+    def constants(self) -> PhysicalConstants:
         """Joint-referred constants that give this plant: R of the power stage, K_T = K_E, J = T_M K_E K_T/R."""
         back_emf = self.plant.back_emf(self.counts_per_radian, self.amplifier_gain)
         return PhysicalConstants(
@@ -78,6 +78,7 @@ class ThesisJoint:
 
     @property
     def counts_per_degree(self) -> float:
+        """E in counts per degree of the joint."""
         return 1.0 / self.resolution_deg
 
 

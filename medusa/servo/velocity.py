@@ -76,7 +76,7 @@ def steady_velocity_ratio(plant: DiscretePlant, gain: float) -> float:
 
 
 def velocity_gain_register(gain: float) -> int:
-    """The byte for register 22H nearest to K (n/4); CommandError outside 0..255."""
+    """The byte for register 22H nearest to K (n/4); raises CommandError outside 0..255."""
     register = round(gain * 4)
     if not 0 <= register <= 255:
         raise CommandError(f"velocity gain K = {gain:.4g} is outside the register's 0..{255 / 4}")
@@ -84,7 +84,7 @@ def velocity_gain_register(gain: float) -> int:
 
 
 def check_velocity_stable(plant: DiscretePlant, gain: float) -> None:
-    """CommandError, with the pole and the greatest stable gain, when the velocity loop is not stable."""
+    """Raise CommandError, with the pole and the greatest stable gain, when the velocity loop is not stable."""
     pole = velocity_pole(plant, gain)
     if not -1 < pole < 1:
         limit = velocity_bounds(plant).stability

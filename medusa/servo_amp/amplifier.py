@@ -82,32 +82,32 @@ class Amplifier:
         return await self.status()
 
     async def status(self) -> AmplifierStatus:
-        """Return the five status words, read at once."""
+        """The five status words, read at once."""
         return decode_status(await self.read(STATUS))
 
     async def control(self) -> int:
-        """Return the control word 01.00."""
+        """The control word 01.00."""
         return int.from_bytes(await self.read(CONTROL), "little")
 
     async def current(self) -> float:
-        """Return the measured current in A."""
+        """The measured current in A."""
         return await self._current(CURRENT_MEASURED)
 
     async def current_demand(self) -> float:
-        """Return the demanded current in A."""
+        """The demanded current in A."""
         return await self._current(CURRENT_DEMAND)
 
     async def velocity_counts_s(self) -> float:
-        """Return the measured velocity in counts/s."""
+        """The measured velocity in counts/s."""
         (units,) = struct.unpack("<i", await self.read(VELOCITY))
         return float(units * COUNTS_S_PER_UNIT)
 
     async def position_counts(self) -> int:
-        """Return the position in counts since power-up (the board's PRESET does not change it)."""
+        """The position in counts since power-up (the board's PRESET does not change it)."""
         return int.from_bytes(await self.read(POSITION), "little", signed=True)
 
     async def bus_voltage(self) -> float:
-        """Return the bus voltage in V."""
+        """The bus voltage in V."""
         return int.from_bytes(await self.read(BUS_VOLTAGE), "little") * BUS_VOLTS_PER_UNIT
 
     async def watchdog(self, timeout_ms: int) -> None:
@@ -120,12 +120,12 @@ class Amplifier:
         await self._write(WATCHDOG, timeout_ms)
 
     async def name(self) -> str:
-        """Return the drive's name and firmware."""
+        """The drive's name and firmware."""
         text = (await self.read(NAME)).replace(b"\0", b" ").decode("ascii", "replace")
         return " ".join(text.split())
 
     async def read(self, register: AmplifierRegister) -> bytes:
-        """Return a register's words, little-endian."""
+        """A register's words, little-endian."""
         return await self.line.read(self.address, register)
 
     async def write(self, register: AmplifierRegister, data: bytes) -> None:
@@ -158,7 +158,7 @@ class Amplifier:
 
 
 def expect_words(data: bytes, register: AmplifierRegister, frame: bytes) -> bytes:
-    """Return the data of a read; raises ProtocolError when it is of another size than asked."""
+    """The data of a read; raises ProtocolError when it is of another size than asked."""
     if len(data) != 2 * register.words:
         raise ProtocolError(f"{len(data) // 2} words answered, {register.words} asked", frame=frame)
     return data

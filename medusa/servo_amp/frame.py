@@ -52,7 +52,7 @@ class RejectedBytes(NamedTuple):
 
 
 def encode_command(command: Command) -> bytes:
-    """Return the bytes of a command; raises ValueError for a field out of its range."""
+    """The bytes of a command; raises ValueError for a field out of its range."""
     kind, sequence, words, data = command.type, command.sequence, command.words, command.data
     if not (0 <= sequence <= 15 and 0 <= kind <= 3 and 0 <= words <= MAX_WORDS):
         raise ValueError(
@@ -66,7 +66,7 @@ def encode_command(command: Command) -> bytes:
 
 
 def encode_reply(reply: Reply) -> bytes:
-    """Return the bytes of a reply, for traces."""
+    """The bytes of a reply, for traces."""
     follows = _DATA_FOLLOWS if reply.data else 0
     header = bytes((_START, _HOST, reply.sequence << 2 | follows, reply.status, 0, len(reply.data) // 2))
     frame = header + crc_hqx(header, 0).to_bytes(2, "big")
@@ -80,7 +80,7 @@ class ReplyDecoder:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Reply | RejectedBytes]:
-        """Return what these bytes completed, in order."""
+        """What these bytes completed, in order."""
         self._buffer += data
         found: list[Reply | RejectedBytes] = []
         while True:

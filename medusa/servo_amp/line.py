@@ -112,13 +112,13 @@ class AmplifierLine:
         self._fail(PortError(self.path, "closed", may_have_acted=True))
 
     def amplifier(self, address: int) -> Amplifier:
-        """Return the amplifier at this address; raises ValueError outside 01H–3FH."""
+        """The amplifier at this address; raises ValueError outside 01H–3FH."""
         if not 0x01 <= address <= 0x3F:
             raise ValueError(f"address {address:02X}H, allowed 01H–3FH")
         return Amplifier(self, address)
 
     async def read(self, address: int, register: AmplifierRegister) -> bytes:
-        """Return a register's words; raises CommandError, NoReply, PortError, ProtocolError."""
+        """A register's words; raises CommandError, NoReply, PortError, ProtocolError."""
         command = Command(address, READ, 0, register.index, register.offset, register.words)
         reply = await self._ask(command)
         return expect_words(reply.data, register, encode_reply(reply))

@@ -70,5 +70,5 @@ COUNTS_S_PER_UNIT: Final = 20000 / 2**17
 
 
 def amperes_per_unit(peak_current: float) -> float:
-    """Return 1/DC1 = KP/2¹³ for a drive of this peak current in A."""
+    """1/DC1 = KP/2¹³ for a drive of this peak current in A."""
     return peak_current / 2**13

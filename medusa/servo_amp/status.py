@@ -41,7 +41,7 @@ class AmplifierStatus:
 
 
 def decode_status(data: bytes) -> AmplifierStatus:
-    """Return the meaning of the five words 02.00–02.04."""
+    """The meaning of the five words 02.00–02.04."""
     bridge, protection, system, drive_1, drive_2 = struct.unpack("<5H", data)
     return AmplifierStatus(
         enabled=bool(bridge & 1),

@@ -23,7 +23,10 @@ MAX_REGISTERS = 8
 
 
 class Board(BoardSession):
-    """One MC3000 behind a session; a refusal is a CommandError with the board's status: nothing moved."""
+    """One MC3000 behind a session.
+
+    Every method raises CommandError for a refusal (`status`: the board's; nothing moved), NoReply and PortError.
+    """
 
     async def read(self, axis: int, register: int, count: int = 1) -> bytes:
         """`count` (1–8) registers from `register` on; a READ that covers 14H latches the position first."""

@@ -122,24 +122,24 @@ def _known(kind: type[E], value: int) -> E:
 
 
 def decode_board_part(part: bytes) -> tuple[int, int]:
-    """Return (axes, clock in Hz): the board's own part of a HELLO reply."""
+    """(axes, clock in Hz): the board's own part of a HELLO reply."""
     axes, clock_hz = _HELLO_PART.unpack(part)
     return axes, clock_hz
 
 
 def decode_position(payload: bytes) -> int:
-    """Return the actual position of a POSITION reply, counts."""
+    """The actual position of a POSITION reply, counts."""
     (actual,) = POSITION_REPLY.unpack(payload)
     return int(actual)
 
 
 def decode_inputs(payload: bytes) -> Inputs:
-    """Return the inputs of an INPUTS reply."""
+    """The inputs of an INPUTS reply."""
     return Inputs(*INPUTS_REPLY.unpack(payload))
 
 
 def decode_snapshot(payload: bytes) -> Snapshot:
-    """Return the content of a SNAPSHOT reply."""
+    """The content of a SNAPSHOT reply."""
     time_us, *fields = SNAPSHOT_REPLY.unpack(payload)
     size = len(fields) // AXES
     return Snapshot(
@@ -156,19 +156,19 @@ def decode_snapshot(payload: bytes) -> Snapshot:
 
 
 def decode_latched(payload: bytes) -> Latched:
-    """Return the content of a LATCHED reply; raises ProtocolError for an unknown source."""
+    """The content of a LATCHED reply; raises ProtocolError for an unknown source."""
     source, caught, position, time_us = LATCHED_REPLY.unpack(payload)
     return Latched(_known(LatchSource, source), bool(caught), position, time_us)
 
 
 def decode_settings(payload: bytes) -> Settings:
-    """Return the content of a SETTINGS reply; raises ProtocolError for an unknown mode."""
+    """The content of a SETTINGS reply; raises ProtocolError for an unknown mode."""
     mode, following_limit, limit_enable, armed = SETTINGS_REPLY.unpack(payload)
     return Settings(_known(Mode, mode), following_limit, bool(limit_enable), bool(armed))
 
 
 def decode_event(operation: int, axis: int, payload: bytes) -> BoardEvent:
-    """Return a typed event; raises ProtocolError for one, or a length, that the page does not know."""
+    """A typed event; raises ProtocolError for one, or a length, that the page does not know."""
     if operation not in EVENT_NAMES:
         raise ProtocolError(f"no event {operation:02X}H is known", frame=payload)
     time_us, position, detail = _EVENT.unpack(payload)

@@ -79,7 +79,7 @@ OPERATIONS: Final = (
 
 
 def write_of(register: int, values: bytes) -> Operation:
-    """Return the row of a WRITE: 00 or 01 in 05H idles the axis; what else touches a motion register moves it."""
+    """The row of a WRITE: 00 or 01 in 05H idles the axis; what else touches a motion register moves it."""
     if register == Register.PROGRAM_COUNTER and values in (b"\x00", b"\x01"):
         return WRITE_THAT_STOPS
     touched = range(register, register + len(values))
@@ -87,5 +87,5 @@ def write_of(register: int, values: bytes) -> Operation:
 
 
 def mode_of(mode: Mode) -> Operation:
-    """Return the row of a MODE: idle stops the axis, control may move it."""
+    """The row of a MODE: idle stops the axis, control may move it."""
     return MODE_IDLE if mode is Mode.IDLE else MODE

@@ -126,14 +126,14 @@ class FilterBytes:
 
 
 def encode_position24(counts: int, *, lsb_first: bool = False) -> bytes:
-    """Three bytes of a 24-bit two's complement position, most significant first; ValueError outside."""
+    """Three bytes of a 24-bit two's complement position, most significant first; raises ValueError outside."""
     if not POSITION_MIN <= counts <= POSITION_MAX:
         raise ValueError(f"position {counts} counts is outside {POSITION_MIN}..{POSITION_MAX}")
     return (counts & 0xFFFFFF).to_bytes(3, "little" if lsb_first else "big")
 
 
 def decode_position24(data: bytes, *, lsb_first: bool = False) -> int:
-    """The signed position in three bytes; ValueError for another length."""
+    """The signed position in three bytes; raises ValueError for another length."""
     if len(data) != 3:
         raise ValueError(f"a 24-bit position has 3 bytes, not {len(data)}")
     return int.from_bytes(data, "little" if lsb_first else "big", signed=False) - (

@@ -44,12 +44,12 @@ class BoardSession:
 
     @property
     def clock_hz(self) -> int:
-        """Clock of the chips as the HELLO reported it; ProtocolError before the first HELLO."""
+        """Clock of the chips as the HELLO reported it; raises ProtocolError before the first."""
         return messages.decode_board_part(self._hello().part)[1]
 
     @property
     def boot_count(self) -> int:
-        """Boot count of the last HELLO; ProtocolError before it."""
+        """Boot count of the last HELLO; raises ProtocolError before it."""
         return self._hello().boot_count
 
     @property
@@ -69,7 +69,7 @@ class BoardSession:
 
     @property
     def may_move(self) -> bool:
-        """True from `open` until the board restarts or is lost."""
+        """Whether motion is allowed: from `open` until the board restarts or is lost."""
         return self.session.may_move
 
     @property
@@ -79,7 +79,10 @@ class BoardSession:
         return session.line.is_open and not session.is_open and not session.is_silent
 
     async def open(self) -> Hello:
-        """Open a session, after which the board is at rest with its watchdog off, and let every event through."""
+        """Open a session, after which the board is at rest with its watchdog off, and let every event through.
+
+        Raises NoReply, PortError, or ProtocolError for a device that is no MC3000 of three axes.
+        """
         hello = await self.session.open()
         if hello.device_type != messages.DEVICE_TYPE:
             raise ProtocolError(
@@ -148,7 +151,7 @@ class BoardSession:
         await self._read(INPUTS, 0, deadline=deadline)
 
     async def ping(self) -> int:
-        """Return the board's time, µs since power-up; feeds the watchdog."""
+        """The board's time, µs since power-up; feeds the watchdog."""
         time_us = await self.session.ping()
         self._stamp_reply()
         return time_us
