@@ -39,7 +39,7 @@ class PortError(MedusaError):
 
 
 class ProtocolError(MedusaError):
-    """The device said something that its protocol page does not allow; `frame` holds the bytes."""
+    """The device sent something that its protocol page does not allow; `frame` holds the bytes."""
 
     origin: ClassVar[Origin] = "device"
 
@@ -55,8 +55,8 @@ class NoReply(ProtocolError):
 
     def __init__(self, message: str, *, frame: bytes = b"", may_have_acted: bool = True) -> None:
         self.may_have_acted = may_have_acted
-        told = "it may have acted" if may_have_acted else "it did not act"
-        super().__init__(f"{message}; {told}", frame=frame)
+        acted = "it may have acted" if may_have_acted else "it did not act"
+        super().__init__(f"{message}; {acted}", frame=frame)
 
 
 class Withdrawn(NoReply):
