@@ -18,7 +18,7 @@ from medusa.mc3000.config_limits import check_limits
 from medusa.mc3000.drive import Mc3000Drive
 
 HeadConfig = mc3000.Mc3000Config | ideal.IdealConfig
-"""A head's configuration: a union, told apart by the key `drive`."""
+"""A head's configuration: a union, distinguished by the key `drive`."""
 DEFAULT_DRIVE = "mc3000"
 """What a configuration without the key `drive` is for."""
 

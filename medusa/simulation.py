@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PORT_NAME = "simulated"
-"""Stands for the port in the homing marks: a pseudo-terminal's path differs from run to run."""
+"""In place of the port in the homing marks: a pseudo-terminal's path differs from run to run."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The head's geometry from views of a board that stands still while the joints move: pure estimation."""
+"""The head's geometry from views of a board that is at rest while the joints move: pure estimation."""
 
 import math
 from collections.abc import Sequence
@@ -176,7 +176,7 @@ def _jacobian(views: Sequence[HeadView], state: Array, residuals: Array) -> Arra
 
 def _deviations(jacobian: Array, residuals: Array) -> Array:
     freedom = max(1, len(residuals) - jacobian.shape[1])
-    # A floor for noiseless pictures: what cannot be told apart must stay visible as such.
+    # A floor for noiseless images: what cannot be distinguished must stay visible as such.
     variance = max(float(residuals @ residuals) / freedom, (1e-5) ** 2)
     normal = jacobian.T @ jacobian
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-18))

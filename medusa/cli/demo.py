@@ -42,13 +42,13 @@ def demo(
     """Enable, home, move together to a handful of gaze directions, park; leave a table and a picture."""
     options: Options = context.obj
     options.make_folder(out)
-    document, film = run_demo(options, rate, dwell)
+    document, readings = run_demo(options, rate, dwell)
     try:
         (out / "demo.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
         if picture:
             from medusa.cli.demo_figure import draw_demo
 
-            draw_demo(film, [(m["name"], m["time_s"]) for m in document["marks"]], out / "demo.png")
+            draw_demo(readings, [(m["name"], m["time_s"]) for m in document["marks"]], out / "demo.png")
     except OSError as error:
         options.fail(f"{error.filename or out}: {error.strerror}", 4)
     options.show(
@@ -59,14 +59,14 @@ def demo(
 
 def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, Any], list[Reading]]":
     """The demo itself: what it reached, and its readings."""
-    film: list[Reading] = []
+    readings: list[Reading] = []
 
     async def body() -> dict[str, Any]:
         from medusa.kinematics import Joints, eyes_from_version
 
         loop = asyncio.get_running_loop()
         async with options.head() as (head, _):
-            camera = loop.create_task(_film(head, rate, film), name="film the demo")
+            camera = loop.create_task(_record(head, rate, readings), name="record the demo")
             try:
                 options.progress("enable and home")
                 await head.home()
@@ -91,13 +91,13 @@ def run_demo(options: Options, rate: float, dwell: float) -> "tuple[dict[str, An
             "marks": [{"name": name, "time_s": round(time, 3)} for name, time in marks],
         }
 
-    return options.run(body), film
+    return options.run(body), readings
 
 
-async def _film(head: "JointGroup", rate: float, film: "list[Reading]") -> None:
+async def _record(head: "JointGroup", rate: float, readings: "list[Reading]") -> None:
     with contextlib.suppress(asyncio.CancelledError):
         async for reading in head.readings(rate):
-            film.append(reading)
+            readings.append(reading)
 
 
 def _row(name: str, angles: dict[str, float], report: Any) -> dict[str, Any]:

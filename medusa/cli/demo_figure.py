@@ -17,20 +17,20 @@ STATES = (
 )
 
 
-def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], path: Path) -> None:
+def draw_demo(readings: "Sequence[Reading]", marks: Sequence[tuple[str, float]], path: Path) -> None:
     """Write the picture, with what the chips show where there are any; raises OSError when it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    has_chips = all(isinstance(joint.device, AxisSnapshot) for joint in film[0].joints.values())
+    has_chips = all(isinstance(joint.device, AxisSnapshot) for joint in readings[0].joints.values())
     heights = (4.0, 2.0, 1.6) if has_chips else (4.0,)
     figure = Figure(figsize=(11, 2.6 + sum(heights) * 0.71), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle("medusa-ctl demo: home, look around, park", fontsize=13, x=0.01, ha="left")
     axes: Any = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
-    times = [reading.time for reading in film]
+    times = [reading.time for reading in readings]
     for name, colour in COLOURS.items():
-        joints = [reading.joints[name] for reading in film]
+        joints = [reading.joints[name] for reading in readings]
         label = name.replace("_", " ")
         axes[0].plot(times, [math.degrees(j.angle) for j in joints], color=colour, lw=1.8, label=label)
         axes[0].plot(times, [_commanded_deg(j) for j in joints], color="#222222", lw=0.8, ls=(0, (2, 2)))
@@ -39,8 +39,8 @@ def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], pat
     axes[0].set_ylabel("joint angle [°]")
     axes[0].legend(ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.06), frameon=False, borderaxespad=0.0)
     if has_chips:
-        _draw_commands(axes[1], film, times)
-        _draw_states(axes[2], film, times)
+        _draw_commands(axes[1], readings, times)
+        _draw_states(axes[2], readings, times)
     axes[-1].set_xlabel("time since the head was connected [s]")
     axes[0].set_xlim(times[0], times[-1])
     for each in axes:
@@ -50,9 +50,9 @@ def draw_demo(film: "Sequence[Reading]", marks: Sequence[tuple[str, float]], pat
     figure.savefig(path, dpi=130)
 
 
-def _draw_commands(axes: Any, film: "Sequence[Reading]", times: Sequence[float]) -> None:
+def _draw_commands(axes: Any, readings: "Sequence[Reading]", times: Sequence[float]) -> None:
     for name, colour in COLOURS.items():
-        commands = [reading.joints[name].device.motor_command for reading in film]
+        commands = [reading.joints[name].device.motor_command for reading in readings]
         axes.step(times, commands, color=colour, lw=1.1, where="post")
     axes.set_ylabel("motor command\n[DAC counts]")
     axes.set_ylim(-135, 135)
@@ -82,11 +82,11 @@ def _mark(axes: Any, marks: Sequence[tuple[str, float]]) -> None:
         start = end
 
 
-def _draw_states(axes: Any, film: "Sequence[Reading]", times: Sequence[float]) -> None:
+def _draw_states(axes: Any, readings: "Sequence[Reading]", times: Sequence[float]) -> None:
     """A lane a joint: where its home sensor is on, where a limit switch is closed."""
     for lane, (name, colour) in enumerate(COLOURS.items()):
         for _, bits, strength in STATES:
-            on = [bool(reading.joints[name].device.inputs & bits) for reading in film]
+            on = [bool(reading.joints[name].device.inputs & bits) for reading in readings]
             height = 0.34 if bits == Inputs.HOME else 0.8
             axes.fill_between(
                 times,

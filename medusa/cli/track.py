@@ -104,18 +104,18 @@ def _leave(options: Options, log: "TrackLog", document: dict[str, Any], out: Pat
 async def _follow(
     options: Options, head: "JointGroup", eyes: "Eyes", choice: "GazeChoice", seconds: float, video: str
 ) -> "tuple[TrackLog, dict[str, Any]]":
-    from medusa.gaze.report.video import Film
+    from medusa.gaze.report.video import GazeVideo
     from medusa.gaze.run.loop import GazeLoop
 
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as stack:
-        film = None
+        recorder = None
         if video:
-            film = Film(Path(video), eyes.intrinsics, choice.frame_rate, start=loop.time())
-            stack.callback(film.close)
+            recorder = GazeVideo(Path(video), eyes.intrinsics, choice.frame_rate, start=loop.time())
+            stack.callback(recorder.close)
         gaze_loop = GazeLoop(
             head, eyes.cameras, eyes.retina(), choice.make_gaze(head.traits, eyes.geometry),
-            choice.loop_settings(head.traits, eyes.geometry), listener=film,
+            choice.loop_settings(head.traits, eyes.geometry), listener=recorder,
         )  # fmt: skip
         start = loop.time()
         progress = loop.create_task(_report(options, gaze_loop, start), name="report progress")

@@ -1,4 +1,4 @@
-"""What a gaze behaviour is told, and what it decides: pure data, joint angles in radians."""
+"""What a gaze behaviour receives, and what it decides: pure data, joint angles in radians."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -107,7 +107,7 @@ def steady_gains(acceleration: float, sigma: float, period: float) -> tuple[floa
     """Gains (α, β/T) that the filter settles to with measurements every `period`: from the fixed point of its
     Riccati recursion.
 
-    With λ = √q T^{3/2}/σ they depend on λ alone; found by iterating the recursion until it stands.
+    With λ = √q T^{3/2}/σ they depend on λ alone; found by iterating the recursion until it is stationary.
     """
     q, t, noise = acceleration, period, sigma * sigma
     xx, xv, vv = noise, 0.0, noise / (t * t)

@@ -36,10 +36,10 @@ class PredictiveSettings:
 
     command_period: time between commands [s]. acceleration: spectral density of the target's angular
     acceleration [rad²/s³]. approach: the same for its inverse distance [1/(m² s³)]. servo_lag: how far an
-    axis stands behind its command, 1/K_v [s]. agility: how far the acceleration may adapt, as multiples.
+    axis is behind its command, 1/K_v [s]. agility: how far the acceleration may adapt, as multiples.
     acquire: a new target is jumped at while its predicted error is above this [rad]. catch_up: so is one
     already followed above this; a smaller error is sooner made good by pursuit, which sees on the way.
-    landing_delay: how much later than its profile a saccade is thought to end at first [s]. doubt: an
+    landing_delay: how much later than its profile a saccade is thought to end at first [s]. blind_angle: an
     unseen target is followed blind over this angle at most [rad]. patience: and for so long [s]. distance:
     assumed while only one eye sees the target and nothing is known of it [m].
     """
@@ -54,7 +54,7 @@ class PredictiveSettings:
     acquire: float = 0.05
     catch_up: float = 0.22
     landing_delay: float = 0.15
-    doubt: float = 0.1
+    blind_angle: float = 0.1
     patience: float = 0.5
     distance: float = 1.5
     coordination: Coordination = field(default_factory=EyesFirst)
@@ -80,7 +80,7 @@ class PredictiveGaze:
             if sighting.seen:
                 self._take_in(sighting)
             else:
-                self._doubt(sighting)
+                self._take_in_unseen(sighting)
         seen = self._azimuth.stamp
         if seen is None:
             return Hold("no target has been seen")
@@ -140,7 +140,7 @@ class PredictiveGaze:
         if sighting.left is not None and sighting.right is not None:
             self._nearness.update(sighting.stamp, 1 / float(np.linalg.norm(point)), spread)
 
-    def _doubt(self, sighting: Sighting) -> None:
+    def _take_in_unseen(self, sighting: Sighting) -> None:
         """A picture without the target: where the path has already gone far on belief alone, it is given up.
 
         The target has turned, more likely than not, and is found again near where it was seen.
@@ -150,7 +150,7 @@ class PredictiveGaze:
             return
         filters = (self._azimuth, self._elevation)
         gone = math.hypot(*(f.predict(sighting.stamp).value - f.predict(seen).value for f in filters))
-        if gone > self._settings.doubt:
+        if gone > self._settings.blind_angle:
             for each in filters:
                 each.halt()
 

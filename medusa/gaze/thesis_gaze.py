@@ -35,7 +35,7 @@ class ThesisGaze:
         }
 
     def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command | None:
-        """Decide on a new sighting; between sightings (None) the last command stands, and None is returned.
+        """Decide on a new sighting; between sightings (None) the last command goes on, and None is returned.
 
         A picture without the target holds the head still: a velocity goes on for ever, so nothing may be left
         running blind.
@@ -71,6 +71,6 @@ class ThesisGaze:
         return Pursue(commands, limited)
 
     def saccade_ended(self, now: float) -> None:
-        """The eyes have landed: what the PIDs summed before is void."""
+        """The eyes have landed: what the PIDs summed before is invalid."""
         for pursuit in self._pursuits.values():
             pursuit.reset()

@@ -252,7 +252,7 @@ class Drive(ABC):
     async def stop(self, names: Collection[str]) -> None:
         """Bring joints to rest by their acceleration and hold them there; the caller reads back.
 
-        Accepted in every state. What was armed or begun before is void.
+        Accepted in every state. What was armed or begun before is over.
         """
 
     @abstractmethod

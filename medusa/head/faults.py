@@ -37,7 +37,7 @@ class Fault:
 
 
 class JointFault(DeviceFault):
-    """A joint stopped by itself; `report` says which and why."""
+    """A joint stopped by itself; `report` names it and the cause."""
 
     def __init__(self, report: Fault, also: str = "") -> None:
         self.report = report

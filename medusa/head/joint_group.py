@@ -146,11 +146,11 @@ class JointGroup:
 
         Raises CommandError for a joint that is idle or not homed, or a rate over its speed.
         """
-        return await self._set_rates(rates, await self._without_room(rates))
+        return await self._set_rates(rates, await self._without_margin(rates))
 
     async def velocity(self, rates: Mapping[str, float]) -> dict[str, float]:
         """Turn joints at rates (rad/s) from now on; the rates taken. CommandError also at a soft limit: all or none."""
-        limited = await self._without_room(rates)
+        limited = await self._without_margin(rates)
         for name in rates:
             if name in limited:
                 limit = self._guard.limit_ahead(name, rates[name])
@@ -160,10 +160,10 @@ class JointGroup:
                 )
         return (await self._set_rates(rates, limited)).taken
 
-    async def _without_room(self, rates: Mapping[str, float]) -> frozenset[str]:
+    async def _without_margin(self, rates: Mapping[str, float]) -> frozenset[str]:
         for name in self._known(rates):
             check_speed(name, rates[name], self.traits[name])
-        return await self._guard.without_room(rates)
+        return await self._guard.without_margin(rates)
 
     async def _set_rates(self, rates: Mapping[str, float], limited: frozenset[str]) -> Rates:
         asked = {name: 0.0 if name in limited else rate for name, rate in rates.items()}

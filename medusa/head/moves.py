@@ -52,7 +52,7 @@ class MoveReport:
 
 
 class MoveStopped(MedusaError):
-    """Somebody stopped the head while a move was running; it is at rest, or the stop's own error says why not."""
+    """Somebody stopped the head while a move was running; it is at rest, or the stop's own error names why not."""
 
     origin = "caller"
 

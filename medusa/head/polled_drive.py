@@ -31,7 +31,7 @@ LATE_SECONDS = 0.5
 
 
 class PolledDrive(Drive):
-    """Joints of one device that answers and never speaks first; `name` stands for it in messages."""
+    """Joints of one device that answers and never speaks first; `name` is what messages call it."""
 
     def __init__(self, name: str, suspended: Callable[[], float] = seconds_suspended) -> None:
         super().__init__()

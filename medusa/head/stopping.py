@@ -50,7 +50,7 @@ class Stopping:
         if failures:
             log.error("stop not confirmed (%s): emergency stop", _reported(failures))
             with contextlib.suppress(MedusaError):
-                # Nobody can be told more than that the stop itself was not confirmed.
+                # What matters is raised below: that the stop itself was not confirmed.
                 await self._drive.emergency_stop()
             raise self._unconfirmed("stop", failures)
         log.info("stopped, confirmed")

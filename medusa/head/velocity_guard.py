@@ -31,7 +31,7 @@ class VelocityGuard:
         self._task: asyncio.Task[None] | None = None
 
     def take_reading(self, reading: Reading) -> None:
-        """Take in a reading, whoever asked for it; one from before the last stop says nothing."""
+        """Take in a reading, whoever asked for it; one from before the last stop counts for nothing."""
         for name, joint in reading.joints.items():
             if joint.time > self._since:
                 self._latest[name] = joint
@@ -48,7 +48,7 @@ class VelocityGuard:
         self._changed.set()
 
     def forget(self) -> None:
-        """A stop is on its way: what was read or commanded before it is void."""
+        """A stop is on its way: what was read or commanded before it is invalid."""
         self._since = asyncio.get_running_loop().time()
         self._latest.clear()
         self._rates = dict.fromkeys(self._rates, 0.0)
@@ -61,7 +61,7 @@ class VelocityGuard:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
-    async def without_room(self, rates: Mapping[str, float]) -> frozenset[str]:
+    async def without_margin(self, rates: Mapping[str, float]) -> frozenset[str]:
         """Joints whose rate could not end before the soft limit any more.
 
         Raises CommandError for a joint that is not homed: its limits cannot be kept.
@@ -73,14 +73,14 @@ class VelocityGuard:
         for name in going:
             if not self._latest[name].homed:
                 raise CommandError(f"{name}: is not homed, so its soft limits cannot be kept")
-        return frozenset(name for name in going if self.room(name, rates[name]) <= 0)
+        return frozenset(name for name in going if self.stopping_margin(name, rates[name]) <= 0)
 
     def limit_ahead(self, name: str, rate: float) -> float:
         """The soft limit (rad) toward which a rate goes."""
         traits = self._drive.traits[name]
         return traits.high if rate > 0 else traits.low
 
-    def room(self, name: str, rate: float) -> float:
+    def stopping_margin(self, name: str, rate: float) -> float:
         """Angle (rad) left before a joint has to begin to stop, so as to be at rest before its soft limit.
 
         The stop takes v²/2a, and v times the supervision's delay passes before it begins. The command may run ahead
@@ -132,15 +132,15 @@ class VelocityGuard:
             return -math.inf
         soonest, latest = LOOK_SECONDS
         rate = self._rates[name]
-        # Half the room at a time, so that a limit is met neither late nor after many readings.
-        half = self.room(name, rate) / abs(rate) / 2
+        # Half the margin at a time, so that a limit is met neither late nor after many readings.
+        half = self.stopping_margin(name, rate) / abs(rate) / 2
         return self._latest[name].time + min(latest, max(soonest, half))
 
     async def _hold_at_limit(self, name: str) -> None:
         rate = self._rates[name]
         if rate == 0 or name not in self._latest or not self._latest[name].homed:
             return
-        if self.room(name, rate) > 0:
+        if self.stopping_margin(name, rate) > 0:
             return
         self._rates[name] = 0.0
         await self._drive.set_rates({name: 0.0})

@@ -11,7 +11,7 @@ import pytest
 from sim_devices.stream import frame, header
 
 
-def test_the_stream_begins_with_the_header_of_a_grey_film() -> None:
+def test_the_stream_begins_with_the_header_of_a_grey_video() -> None:
     assert header(64, 48, 6.0) == b"YUV4MPEG2 W64 H48 F6:1 Ip A1:1 Cmono\n"
     assert header(8, 8, 29.97).split()[3] == b"F2997:100"
 

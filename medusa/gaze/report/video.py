@@ -1,4 +1,4 @@
-"""The annotated film of a gaze: both eyes side by side, the optical axes, the target, what is being done."""
+"""The annotated video of a gaze: both eyes side by side, the optical axes, the target, what is being done."""
 
 import math
 from collections import deque
@@ -23,10 +23,10 @@ _BAND = (25, 25, 25)
 _CODECS = {".avi": "MJPG", ".mp4": "mp4v", ".mkv": "MJPG"}
 
 
-class Film:
+class GazeVideo:
     """Collects pairs and what was seen in them, and writes them out a second later.
 
-    A pair whose sighting never came was exposed during a saccade, or too late to be used; the film shows it as
+    A pair whose sighting never came was exposed during a saccade, or too late to be used; the video shows it as
     such. Raises CommandError when the file cannot be written or its suffix names no codec.
     """
 
@@ -35,7 +35,7 @@ class Film:
     ) -> None:
         code = _CODECS.get(path.suffix.lower())
         if code is None:
-            raise CommandError(f"{path}: a film ends in {', '.join(_CODECS)}")
+            raise CommandError(f"{path}: a video ends in {', '.join(_CODECS)}")
         try:
             path.open("wb").close()
         except OSError as error:
@@ -74,7 +74,7 @@ class Film:
             size = picture.shape[1], picture.shape[0]
             self._writer = cv2.VideoWriter(str(self._path), self._code, self._rate, size)
             if not self._writer.isOpened():
-                raise CommandError(f"{self._path}: cannot be written as a film")
+                raise CommandError(f"{self._path}: cannot be written as a video")
         if self._writer is not None:
             self._writer.write(picture)
             self.frames += 1

@@ -91,7 +91,7 @@ class GazeChoice:
 def bright_detectors(
     threshold: int, *, size: int = 64, shape: Shape | None = None
 ) -> tuple[Detector, Detector]:
-    """The thesis's bright target for both eyes, gated by shape where told to."""
+    """The thesis's bright target for both eyes, gated by shape where asked to."""
 
     def detect(image: Image) -> Target | None:
         return detect_bright_target(image, threshold, size=size, shape=shape)

@@ -28,7 +28,7 @@ LIMIT_MARGIN = math.radians(1.0)
 
 
 class Gaze(Protocol):
-    """A gaze behaviour: pure, told the time and what was seen."""
+    """A gaze behaviour: pure; it receives the time and what was seen."""
 
     def step(self, now: float, joints: Joints, sighting: Sighting | None) -> Command | None: ...
 
@@ -49,7 +49,7 @@ class LoopSettings:
 
     command_period: the longest time between two looks at the head, each with its commands; a picture brings
     one at once. pair_bound: two pictures exposed at most so far apart are a pair; pair_patience: how long one
-    waits for the other. too_late: an older picture says nothing any more. search: where to look, in turn, for
+    waits for the other. too_late: an older frame is not used any more. search: where to look, in turn, for
     a target that was not seen for search_after.
     """
 

@@ -16,9 +16,9 @@ from perception.camera.intrinsics import load_intrinsics
 Ctl = Callable[..., Any]
 
 
-def test_track_leaves_a_table_a_figure_and_a_film(ctl: Ctl, tmp_path: Path) -> None:
-    film = tmp_path / "eyes.avi"
-    result = ctl("--sim", "--json", "track", "--seconds", "4", "--out", str(tmp_path), "--video", str(film))
+def test_track_leaves_a_table_a_figure_and_a_video(ctl: Ctl, tmp_path: Path) -> None:
+    video = tmp_path / "eyes.avi"
+    result = ctl("--sim", "--json", "track", "--seconds", "4", "--out", str(tmp_path), "--video", str(video))
     assert result.code == 0
     document = result.json
     assert document["seen"] == document["pictures"] > 10
@@ -26,7 +26,7 @@ def test_track_leaves_a_table_a_figure_and_a_film(ctl: Ctl, tmp_path: Path) -> N
     assert document["median_vergence_error_deg"] < 0.3
     assert json.loads((tmp_path / "track.json").read_text())["saccades"] == document["saccades"]
     assert cv2.imread(str(tmp_path / "track.png")).std() > 10.0
-    capture = cv2.VideoCapture(str(film))
+    capture = cv2.VideoCapture(str(video))
     frames = [frame for got, frame in iter(capture.read, (False, None)) if got]
     assert len(frames) >= 20
     assert frames[0].shape == (346, 646, 3)
@@ -94,8 +94,8 @@ def test_track_shows_real_pictures_on_a_screen(ctl: Ctl, tmp_path: Path) -> None
         (["--vergence", "guess"], "no vergence from 'guess'"),
         (["--left", "0"], "leave --left"),
         (["--screen", "nowhere"], "nowhere"),
-        (["--video", "film.gif"], "a film ends in"),
-        (["--video", "no/such/folder/film.avi"], "No such file"),
+        (["--video", "video.gif"], "a video ends in"),
+        (["--video", "no/such/folder/video.avi"], "No such file"),
         (["--patch", "nowhere.png"], "nowhere.png"),
     ],
 )
