@@ -8,7 +8,7 @@ from typing import Any
 
 from sim_devices.head_config import JOINTS, HeadConfig, JointConfig
 from sim_devices.head_incidents import HeadIncidents
-from sim_devices.joint import EmptySocket, Joint, JointGeometry
+from sim_devices.joint import Joint, JointGeometry, UnconnectedAxis
 from sim_devices.link.device import LinkDevice, first_boot_count
 from sim_devices.link.line import Device
 from sim_devices.mc3000.board import Mc3000
@@ -42,7 +42,7 @@ class HeadMachine:
         self.devices: dict[int, LinkDevice] = {}
         self.channels: dict[str, Channel] = {}
         for address, names in _BOARDS.items():
-            board = Mc3000([self.joints[name] if name else EmptySocket() for name in names])
+            board = Mc3000([self.joints[name] if name else UnconnectedAxis() for name in names])
             self.boards[address] = board
             self.devices[address] = LinkDevice(
                 address, board, boot_count=first_boot_count(seed, address), power_up=0.0

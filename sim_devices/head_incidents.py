@@ -2,19 +2,32 @@
 
 from collections.abc import Callable
 from math import degrees
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from sim_devices.head_config import JOINTS
-from sim_devices.servo_amp.amplifier import Fault
+from sim_devices.joint import Joint
+from sim_devices.link.device import LinkDevice
+from sim_devices.mc3000.board import Mc3000
+from sim_devices.mc3000.channel import Channel
+from sim_devices.servo_amp.amplifier import Amplifier, Fault
 
-if TYPE_CHECKING:
-    from sim_devices.head import HeadMachine
+
+class HeadParts(Protocol):
+    """What the incidents reach of a head: its boards, and an axis' parts run to the present."""
+
+    boards: dict[int, Mc3000]
+    devices: dict[int, LinkDevice]
+    t: float
+
+    def at_present(self, axis: str) -> tuple[Channel, Joint, Amplifier]: ...
+
+    def board(self, address: int) -> Mc3000: ...
 
 
 class HeadIncidents:
     """Each method acts at the present instant and raises ValueError on an argument that there is not."""
 
-    def __init__(self, head: "HeadMachine") -> None:
+    def __init__(self, head: HeadParts) -> None:
         self._head = head
 
     def verbs(self) -> dict[str, Callable[..., Any]]:

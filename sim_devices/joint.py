@@ -8,13 +8,10 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp, floor, inf
-from typing import TYPE_CHECKING
 
 from sim_devices.motor import Bridge, Motor
+from sim_devices.step_table import StepTable
 from sim_devices.stretch import time_to_travel
-
-if TYPE_CHECKING:
-    from sim_devices.mc3000.servo_loop import StepTable
 
 INDEX_COUNTS = 2000
 _SPEED_AT_REST = 1e-2
@@ -38,7 +35,7 @@ class JointGeometry:
     half_backlash: float = 0.0
 
 
-class EmptySocket:
+class UnconnectedAxis:
     """What a spare axis of a board is wired to: no motor, no encoder pulses, switches open."""
 
     count = 0

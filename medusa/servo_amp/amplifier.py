@@ -3,7 +3,7 @@
 import asyncio
 import struct
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from medusa.errors import CommandError, DeviceFault, ProtocolError
 from medusa.servo_amp.frame import NO_WRITE_ACCESS
@@ -29,17 +29,24 @@ from medusa.servo_amp.registers import (
 )
 from medusa.servo_amp.status import AmplifierStatus, decode_status
 
-if TYPE_CHECKING:
-    from medusa.servo_amp.line import AmplifierLine
-
 _POLL_S: Final = 0.01
 _CONFIRM_S: Final = 0.5
+
+
+class RegisterLine(Protocol):
+    """The line that amplifiers hang on, as one of them needs it."""
+
+    peak_current: float
+
+    async def read(self, address: int, register: AmplifierRegister) -> bytes: ...
+
+    async def write(self, address: int, register: AmplifierRegister, data: bytes) -> None: ...
 
 
 class Amplifier:
     """One amplifier; every method raises PortError, NoReply, ProtocolError or CommandError."""
 
-    def __init__(self, line: "AmplifierLine", address: int) -> None:
+    def __init__(self, line: RegisterLine, address: int) -> None:
         self.line = line
         self.address = address
 

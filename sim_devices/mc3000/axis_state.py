@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from sim_devices.hctl1100 import F0, Hctl1100, wrap24
-from sim_devices.joint import EmptySocket, Joint
+from sim_devices.joint import Joint, UnconnectedAxis
 from sim_devices.mc3000.reports import (
     AMPLIFIER_FAULT,
     HOME_FALLING,
@@ -21,7 +21,7 @@ from sim_devices.mc3000.reports import (
 class AxisState:
     """Everything of an axis but its samples; `t` is where it stands in time."""
 
-    def __init__(self, number: int, joint: Joint | EmptySocket, report: Callable[[Report], None]) -> None:
+    def __init__(self, number: int, joint: Joint | UnconnectedAxis, report: Callable[[Report], None]) -> None:
         self.number = number
         self.joint = joint
         self.encoder_lost = False

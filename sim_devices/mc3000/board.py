@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 
 from sim_devices.hctl1100 import CLOCK_HZ
-from sim_devices.joint import EmptySocket, Joint
+from sim_devices.joint import Joint, UnconnectedAxis
 from sim_devices.link.device import Refused
 from sim_devices.mc3000 import operations, raw_registers
 from sim_devices.mc3000.channel import Channel
@@ -30,7 +30,7 @@ class Mc3000:
     axes = frozenset(range(AXES))
     watchdog_actions = frozenset({IDLE_ACTION, STOP_ACTION})
 
-    def __init__(self, joints: Sequence[Joint | EmptySocket]) -> None:
+    def __init__(self, joints: Sequence[Joint | UnconnectedAxis]) -> None:
         if len(joints) != AXES:
             raise ValueError(f"{len(joints)} joints, the board has {AXES} axes")
         self.emit: Callable[[int, int, bytes], None] = lambda operation, axis, payload: None

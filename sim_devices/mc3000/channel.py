@@ -7,7 +7,7 @@ period goes on until the first multiple of the new one that is not before the en
 from collections.abc import Callable
 
 from sim_devices.hctl1100 import CLOCK_HZ, F0, F1, F3, F5, wrap24
-from sim_devices.joint import EmptySocket, Joint
+from sim_devices.joint import Joint, UnconnectedAxis
 from sim_devices.mc3000.axis_state import AxisState
 from sim_devices.mc3000.reports import FOLLOWING_ERROR, POSITION, PROFILE_DONE, Recording, Report
 from sim_devices.mc3000.servo_loop import Run, ordinary_samples
@@ -20,7 +20,7 @@ STANDING_SAMPLES = 4
 class Channel(AxisState):
     """An axis that takes its samples when it is advanced."""
 
-    def __init__(self, number: int, joint: Joint | EmptySocket, report: Callable[[Report], None]) -> None:
+    def __init__(self, number: int, joint: Joint | UnconnectedAxis, report: Callable[[Report], None]) -> None:
         self.recording: Recording | None = None
         self.careful = False
         """Take every sample by itself, also where many could be run at once (for tests)."""

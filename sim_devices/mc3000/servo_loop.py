@@ -5,31 +5,17 @@ reach. Everything else goes sample by sample through `Channel`, with the same re
 """
 
 from collections.abc import Callable, Generator
-from math import exp, floor
+from math import floor
 
 from sim_devices.hctl1100 import F0, F5, Hctl1100
 from sim_devices.joint import Joint
+from sim_devices.step_table import StepTable
 
 _WIDEST_ERROR = 0x7FFFFF
 _BLOCK = 64
 
 Run = Generator[int, int | None, None]
 """Send the last tick to sample at, receive the first one that is left; None, or its own end, writes back."""
-
-
-class StepTable:
-    """What one whole sample period adds, for each of the 256 motor commands (indexed by the command)."""
-
-    def __init__(self, joint: Joint, period_s: float) -> None:
-        tau = joint.motor.constants.time_constant
-        self.speeds = joint.motor.speeds
-        self.period_s = period_s
-        self.decay = exp(-period_s / tau)
-        self.reach = tau * (1.0 - self.decay)
-        self.rest = period_s - self.reach
-        gained = 1.0 - self.decay
-        self.travels = [u * self.rest for u in self.speeds]
-        self.gains = [u * gained for u in self.speeds]
 
 
 def _upcoming(chip: Hctl1100) -> Callable[[int], list[int]] | None:
@@ -63,7 +49,7 @@ def ordinary_samples(
     """
     table = joint.step_table
     if table is None or table.period_s != period_s or table.speeds is not joint.motor.speeds:
-        table = joint.step_table = StepTable(joint, period_s)
+        table = joint.step_table = StepTable(joint.motor, period_s)
     low, high = joint.free_range(table.rest)
     upcoming = _upcoming(chip) if low < joint.m < high else None
     if upcoming is None:
