@@ -87,7 +87,7 @@ async def _by_hand(
     rate: float, out: Path,
 ) -> dict[str, Any]:  # fmt: skip
     from medusa.calibration.board_views import collect_by_hand
-    from perception.camera.device import CaptureSettings, open_camera
+    from perception.camera import CaptureSettings, open_camera
 
     found = {}
     for side, name in zip(("left", "right"), names, strict=True):
@@ -107,7 +107,7 @@ async def _by_head(
 ) -> dict[str, Any]:  # fmt: skip
     from medusa.calibration.board_views import collect_postures, head_views, postures
     from medusa.calibration.head_geometry import estimate_head
-    from perception.camera.device import CaptureSettings, open_camera
+    from perception.camera import CaptureSettings, open_camera
 
     world = None
     if options.sim:

@@ -15,7 +15,7 @@ from medusa.errors import CommandError
 from medusa.gaze.retina import Detector, Retina
 from medusa.gaze.run.assembly import bright_detectors, patch_detectors
 from medusa.kinematics import HeadGeometry, Vector
-from perception.camera.device import CaptureSettings, open_camera
+from perception.camera import CaptureSettings, open_camera
 from perception.camera.intrinsics import Intrinsics, load_intrinsics
 from perception.camera.slot import SlotCamera
 from perception.target import Shape
