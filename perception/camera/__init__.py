@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from perception.camera.calibration import BoardView as BoardView
     from perception.camera.calibration import IntrinsicsCalibration as IntrinsicsCalibration
     from perception.camera.calibration import estimate_intrinsics as estimate_intrinsics
-    from perception.camera.device import CaptureSettings as CaptureSettings
+    from perception.camera.capture_messages import CaptureSettings as CaptureSettings
     from perception.camera.device import DeviceCamera as DeviceCamera
     from perception.camera.device import open_camera as open_camera
     from perception.camera.errors import CalibrationError as CalibrationError
@@ -36,7 +36,8 @@ else:
         __name__,
         {
             "calibration": "Board BoardView IntrinsicsCalibration estimate_intrinsics",
-            "device": "CaptureSettings DeviceCamera open_camera",
+            "capture_messages": "CaptureSettings",
+            "device": "DeviceCamera open_camera",
             "errors": "CalibrationError CameraError CameraLost CameraNotFound CameraStalled FrameSizeChanged"
             " IntrinsicsError SettingRefused",
             "frame": "Camera CameraStatistics Frame Image",

@@ -1,46 +1,24 @@
-"""A live camera through OpenCV: one thread that grabs, the loop that takes the newest frame."""
+"""A live camera: captured in a process of its own, opened again when it is lost, its newest frame in a slot."""
 
 import asyncio
 import logging
-import threading
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import cv2
-import numpy as np
-
-from perception.camera.errors import CameraError, CameraLost, CameraNotFound, SettingRefused
-from perception.camera.frame import Frame
-from perception.camera.recorded import RecordedCamera, as_grey
+from perception.camera.capture_messages import CaptureRequest, CaptureSettings
+from perception.camera.capture_process import CaptureProcess
+from perception.camera.errors import CameraError, CameraNotFound
 from perception.camera.slot import SlotCamera
 from perception.camera.source import Source, find_source
 
-logger = logging.getLogger(__name__)
-_FIRST_BACKOFF, _LAST_BACKOFF = 0.2, 5.0
-
-
-@dataclass(frozen=True)
-class CaptureSettings:
-    """What is asked of the camera; None leaves it as it is.
-
-    ``pixel_format`` is a four-letter code such as GREY, YUYV or MJPG; ``exposure`` and ``gain`` are in the
-    driver's own units and switch automatic exposure off. ``delay`` is the known time in seconds from the
-    middle of the exposure to the driver's stamp; it is taken off every stamp.
-    """
-
-    width: int | None = None
-    height: int | None = None
-    rate: float | None = None
-    pixel_format: str | None = None
-    exposure: float | None = None
-    gain: float | None = None
-    delay: float = 0.0
-    grey: bool = True
+log = logging.getLogger(__name__)
+AS_IT_IS = CaptureSettings()
+_FIRST_BACKOFF_S, _LAST_BACKOFF_S = 0.2, 5.0
+_START_S = 5.0
+"""What the start of the capture process may add to the time in which a camera must open."""
 
 
 class DeviceCamera(SlotCamera):
-    """A V4L2 device or an address, captured in a thread of its own.
+    """A V4L2 device or an address, captured in a process of its own.
 
     A camera that vanishes, stalls or changes its size raises its typed error from ``latest`` and ``frames``
     and is opened again in the background, first after 0.2 s and then ever more slowly up to every 5 s.
@@ -49,218 +27,92 @@ class DeviceCamera(SlotCamera):
     def __init__(
         self,
         source: Source,
-        settings: CaptureSettings = CaptureSettings(),
+        settings: CaptureSettings = AS_IT_IS,
         *,
         name: str = "",
         stall_after: float = 2.0,
     ) -> None:
         super().__init__(name or source.place, stall_after=stall_after)
-        self._source = source
-        self._settings = settings
+        self._request = CaptureRequest(source, settings, self.name, stall_after)
         self._keeper: asyncio.Task[None] | None = None
-        self._grabber: _Grabber | None = None
+        self._capture: CaptureProcess | None = None
         self._sequence = 0
 
     async def open(self) -> None:
-        """Open the camera and start its thread; raises CameraNotFound or SettingRefused."""
+        """Open the camera; raises CameraNotFound or SettingRefused."""
+        capture = await self._start()
+        # Only now: the start of the process is no silence of the camera.
         await super().open()
-        await self._start_grabber()
-        self._keeper = asyncio.create_task(self._keep_open(), name=f"camera {self.name}")
+        self._keeper = asyncio.create_task(self._keep_open(capture), name=f"camera {self.name}")
 
     async def close(self) -> None:
-        """Let the camera go."""
+        """Release the camera and end its process, at the latest 1.2 s from now, whatever its driver does."""
         if self._keeper is not None:
             self._keeper.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._keeper
+            await asyncio.wait([self._keeper])
             self._keeper = None
-        if self._grabber is not None:
-            self._grabber.stop()
-            self._grabber = None
 
-    async def _start_grabber(self) -> None:
-        loop = asyncio.get_running_loop()
-        grabber = _Grabber(self._source, self._settings, self.name, self.stall_after, loop, self._take)
-        opening = asyncio.ensure_future(asyncio.to_thread(grabber.open))
+    async def _start(self) -> CaptureProcess:
+        capture = CaptureProcess.start(self._request)
         try:
-            await asyncio.wait_for(asyncio.shield(opening), self.stall_after + 5.0)
-        except (TimeoutError, asyncio.CancelledError) as error:
-            opening.add_done_callback(lambda _: grabber.release())
-            if isinstance(error, asyncio.CancelledError):
-                raise
-            raise CameraNotFound(f"camera {self.name} does not answer while it is opened") from None
-        self._grabber = grabber
-        grabber.start()
+            async with asyncio.timeout(self.stall_after + _START_S):
+                await capture.opened()
+        except BaseException as error:
+            await capture.end()
+            if isinstance(error, TimeoutError):
+                raise CameraNotFound(f"camera {self.name} does not answer while it is opened") from None
+            raise
+        return capture
 
-    def _take(self, grabber: "_Grabber", frame: Frame | None) -> None:
-        """In the loop: a frame of the grabber, or None when it has ended."""
-        if grabber is not self._grabber:
-            return
-        if frame is None:
-            self.fail(CameraLost(f"camera {self.name} is gone: {self._source.place} gives no more pictures"))
-            return
-        lost = frame.sequence - grabber.delivered - 1
-        grabber.delivered = frame.sequence
-        self._sequence += 1 + lost
-        self.put(replace(frame, sequence=self._sequence))
-
-    async def _keep_open(self) -> None:
-        seen = -1
+    async def _keep_open(self, capture: CaptureProcess) -> None:
         while True:
             try:
-                seen = await self.wait_for_frame(seen)
+                await self._take_frames(capture)
             except CameraError as error:
-                logger.warning("%s; opening it again", error)
+                log.warning("%s; opening it again", error)
                 self.fail(error)
-                await self._reopen()
+            finally:
+                await capture.end()
+            capture = await self._reopen()
 
-    async def _reopen(self) -> None:
-        if self._grabber is not None:
-            self._grabber.stop()
-            self._grabber = None
-        pause = _FIRST_BACKOFF
+    async def _take_frames(self, capture: CaptureProcess) -> None:
+        """Put frames into the slot until the camera fails."""
+        first = self._sequence + 1
+        while True:
+            try:
+                async with asyncio.timeout(self.stall_after):
+                    frame = await capture.frame()
+            except TimeoutError:
+                raise self._stalled() from None
+            self._sequence = first + frame.sequence
+            self.put(replace(frame, sequence=self._sequence))
+            if self._error is not None:
+                raise self._error
+
+    async def _reopen(self) -> CaptureProcess:
+        pause = _FIRST_BACKOFF_S
         while True:
             await asyncio.sleep(pause)
             try:
-                await self._start_grabber()
+                capture = await self._start()
             except CameraError as error:
-                logger.debug("camera %s still down: %s", self.name, error)
-                pause = min(2.0 * pause, _LAST_BACKOFF)
+                log.debug("camera %s still down: %s", self.name, error)
+                pause = min(2.0 * pause, _LAST_BACKOFF_S)
                 continue
             self.reopened()
-            logger.info("camera %s is open again", self.name)
-            return
-
-
-class _Grabber:
-    """One opened capture and its thread; abandoned, not joined, when the driver hangs inside a read."""
-
-    def __init__(
-        self,
-        source: Source,
-        settings: CaptureSettings,
-        name: str,
-        patience: float,
-        loop: asyncio.AbstractEventLoop,
-        take: Callable[["_Grabber", Frame | None], None],
-    ) -> None:
-        self.delivered = -1
-        self._source, self._settings, self._name, self._patience = source, settings, name, patience
-        self._loop, self._take = loop, take
-        self._capture: cv2.VideoCapture | None = None
-        self._stopping = threading.Event()
-        self._lock = threading.Lock()
-        self._waiting: Frame | None = None
-
-    def open(self) -> None:
-        device = self._source.kind == "device"
-        milliseconds = int(self._patience * 1e3)
-        limits = (
-            []
-            if device
-            else [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, milliseconds, cv2.CAP_PROP_READ_TIMEOUT_MSEC, milliseconds]
-        )
-        backend = cv2.CAP_V4L2 if device else cv2.CAP_FFMPEG
-        capture = cv2.VideoCapture(self._source.place, backend, limits)
-        if not capture.isOpened():
-            capture.release()
-            raise CameraNotFound(f"camera {self._name}: {self._source.place} cannot be opened")
-        try:
-            apply_settings(capture, self._settings, self._name)
-        except SettingRefused:
-            capture.release()
-            raise
-        self._capture = capture
-
-    def start(self) -> None:
-        threading.Thread(target=self._run, name=f"camera {self._name}", daemon=True).start()
-
-    def stop(self) -> None:
-        self._stopping.set()
-
-    def release(self) -> None:
-        """Let go of a capture whose opening nobody waits for any more."""
-        if self._capture is not None:
-            self._capture.release()
-
-    def _run(self) -> None:
-        capture = self._capture
-        assert capture is not None
-        sequence = 0
-        while not self._stopping.is_set():
-            if not capture.grab():
-                break
-            stamp = self._stamp(capture)
-            got, picture = capture.retrieve()
-            if not got:
-                break
-            image = as_grey(picture) if self._settings.grey else np.asarray(picture, np.uint8)
-            self._offer(Frame(image, stamp, self._name, sequence))
-            sequence += 1
-        capture.release()
-        if not self._stopping.is_set():
-            self._tell(lambda: self._take(self, None))
-
-    def _stamp(self, capture: cv2.VideoCapture) -> float:
-        now = self._loop.time()
-        if self._source.kind == "device":
-            # The kernel stamps V4L2 buffers on the monotonic clock, which is asyncio's own.
-            kernel = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
-            if 0.0 <= now - kernel < self._patience:
-                now = kernel
-        return now - self._settings.delay
-
-    def _offer(self, frame: Frame) -> None:
-        with self._lock:
-            asked = self._waiting is not None
-            self._waiting = frame
-        if not asked:
-            self._tell(self._deliver)
-
-    def _deliver(self) -> None:
-        with self._lock:
-            frame, self._waiting = self._waiting, None
-        if frame is not None:
-            self._take(self, frame)
-
-    def _tell(self, call: Callable[[], None]) -> None:
-        with suppress(RuntimeError):  # the loop has been closed meanwhile
-            self._loop.call_soon_threadsafe(call)
-
-
-def apply_settings(capture: cv2.VideoCapture, settings: CaptureSettings, name: str) -> None:
-    """Ask the camera for its settings and read them back; raises SettingRefused with both values."""
-    if settings.pixel_format is not None:
-        code = cv2.VideoWriter.fourcc(*settings.pixel_format)
-        _set(capture, cv2.CAP_PROP_FOURCC, code, "format", name, 0.0)
-    for value, key, what in (
-        (settings.width, cv2.CAP_PROP_FRAME_WIDTH, "width"),
-        (settings.height, cv2.CAP_PROP_FRAME_HEIGHT, "height"),
-    ):
-        if value is not None:
-            _set(capture, key, float(value), what, name, 0.0)
-    if settings.rate is not None:
-        _set(capture, cv2.CAP_PROP_FPS, settings.rate, "rate", name, 0.05)
-    if settings.exposure is not None:
-        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, 1)
-        _set(capture, cv2.CAP_PROP_EXPOSURE, settings.exposure, "exposure", name, 0.1)
-    if settings.gain is not None:
-        _set(capture, cv2.CAP_PROP_GAIN, settings.gain, "gain", name, 0.1)
-
-
-def _set(capture: cv2.VideoCapture, key: int, value: float, what: str, name: str, tolerance: float) -> None:
-    capture.set(key, value)
-    actual = capture.get(key)
-    if abs(actual - value) > tolerance * abs(value):
-        raise SettingRefused(f"camera {name}: {what} {value:g} was asked for, it gives {actual:g}")
+            log.info("camera %s is open again", self.name)
+            return capture
 
 
 def open_camera(
-    text: str, settings: CaptureSettings = CaptureSettings(), *, name: str = "", repeat: bool = False
+    text: str, settings: CaptureSettings = AS_IT_IS, *, name: str = "", repeat: bool = False
 ) -> SlotCamera:
     """The camera that ``text`` names, not yet opened; raises CameraNotFound."""
     source = find_source(text)
     if source.kind in ("folder", "film"):
+        # Only what reads files itself needs OpenCV in this process.
+        from perception.camera.recorded import RecordedCamera
+
         rate = 25.0 if settings.rate is None else settings.rate
         return RecordedCamera(source, name=name, rate=rate, grey=settings.grey, repeat=repeat)
     return DeviceCamera(source, settings, name=name)

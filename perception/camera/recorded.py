@@ -2,14 +2,13 @@
 
 import asyncio
 from collections.abc import Iterator
-from contextlib import suppress
-from typing import Any
 
 import cv2
 import numpy as np
 
 from perception.camera.errors import CameraError, CameraLost, CameraNotFound
 from perception.camera.frame import Frame, Image
+from perception.camera.grey import as_grey
 from perception.camera.slot import SlotCamera
 from perception.camera.source import Source, pictures_in
 
@@ -44,8 +43,7 @@ class RecordedCamera(SlotCamera):
         """Stop playing."""
         if self._player is not None:
             self._player.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._player
+            await asyncio.wait([self._player])
             self._player = None
 
     async def _play(self) -> None:
@@ -85,13 +83,3 @@ class RecordedCamera(SlotCamera):
                 yield as_grey(picture) if self._grey else np.asarray(picture, np.uint8)
         finally:
             film.release()
-
-
-def as_grey(picture: Any) -> Image:
-    """A grey (height, width) image of what OpenCV delivered."""
-    image = np.asarray(picture, np.uint8)
-    if image.ndim == 3:
-        image = np.asarray(
-            image[:, :, 0] if image.shape[2] == 1 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8
-        )
-    return image

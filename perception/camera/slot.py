@@ -83,9 +83,8 @@ class SlotCamera:
         """The newest frame, None before the first; raises CameraError while the camera is down."""
         if self._error is not None:
             raise self._error
-        silence = asyncio.get_running_loop().time() - self._silent_since
-        if silence > self.stall_after:
-            raise self._stalled(silence)
+        if asyncio.get_running_loop().time() - self._silent_since > self.stall_after:
+            raise self._stalled()
         self._taken = True
         return self._frame
 
@@ -101,7 +100,6 @@ class SlotCamera:
 
     async def wait_for_frame(self, seen: int) -> int:
         """Wait until the newest frame is not number ``seen``, and return its number; raises CameraError."""
-        loop = asyncio.get_running_loop()
         if self._changed is None:
             raise CameraError(f"camera {self.name} is not open")
         while True:
@@ -115,9 +113,10 @@ class SlotCamera:
                 async with asyncio.timeout_at(deadline):
                     await self._changed.wait()
             except TimeoutError:
-                raise self._stalled(loop.time() - self._silent_since) from None
+                raise self._stalled() from None
 
-    def _stalled(self, silence: float) -> CameraStalled:
+    def _stalled(self) -> CameraStalled:
+        silence = asyncio.get_running_loop().time() - self._silent_since
         return CameraStalled(
             f"camera {self.name} has sent no frame for {silence:.2f} s (allowed: {self.stall_after:.2f} s)"
         )

@@ -1,8 +1,11 @@
 """A live camera against a server on the loopback: opened, lost, stalled, changed, and opened again."""
 
 import asyncio
+import os
+import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,6 +129,30 @@ async def test_a_camera_that_says_nothing_is_stalled() -> None:
         await come_back(camera)
 
 
+async def test_a_camera_whose_driver_crashes_is_lost_and_comes_back() -> None:
+    async with serving() as server, live(server) as camera:
+        await take(camera, 3)
+        for process in capture_processes():
+            os.kill(process, signal.SIGSEGV)
+        with pytest.raises(CameraLost, match="left"):
+            await take(camera, 10_000)
+        await come_back(camera)
+    assert capture_processes() == []
+
+
+async def test_a_camera_closed_by_two_cancellations_leaves_no_process() -> None:
+    async with serving() as server:
+        camera = live(server)
+        await camera.open()
+        closing = asyncio.create_task(camera.close())
+        await asyncio.sleep(0)
+        closing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await closing
+        await camera.close()
+    assert capture_processes() == []
+
+
 async def test_an_address_nobody_answers_at_is_not_found() -> None:
     server = Server()
     await server.start()
@@ -151,3 +178,16 @@ async def come_back(camera: DeviceCamera) -> None:
                 await asyncio.sleep(0.1)
             else:
                 return
+
+
+def capture_processes() -> list[int]:
+    """The processes that this one has started and that still run."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
+        except OSError:
+            continue
+        if int(parent) == os.getpid() and state != "Z":
+            found.append(int(stat.parent.name))
+    return found
