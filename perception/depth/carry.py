@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Projection
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.select import select
+from perception.image.bands import Band, join_bands
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 SAME_SURFACE = 0.04

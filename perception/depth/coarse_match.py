@@ -8,10 +8,10 @@ import numpy as np
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.motion import Motion
-from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import Choice, choose_planes
 from perception.depth.view import View
+from perception.image.quantile import quantiles
 
 COSTLY = 0.22
 """A right motion matches the coarsest level at .05 to .17, in noise and poor contrast too; one that errs by more than a

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import join_bands, share
 from perception.depth.epipolar import Epipolar
-from perception.depth.plane_warp import find_shift, shift_picture, warp_picture
 from perception.depth.scanline import Volume, cheapest
+from perception.image.bands import join_bands, share
+from perception.image.plane_warp import find_shift, shift_picture, warp_picture
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]

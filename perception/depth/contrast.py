@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands
-from perception.depth.quantile import median
+from perception.image.bands import Band, join_bands
+from perception.image.quantile import median
 
 Grey = NDArray[np.float32]
 Bytes = NDArray[np.uint8]

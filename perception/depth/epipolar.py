@@ -11,10 +11,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import join_bands
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
-from perception.depth.select import select
+from perception.image.bands import join_bands
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 Matrix = NDArray[np.float64]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from perception.depth.contrast import ROUNDING
 from perception.depth.epipolar import Projection
-from perception.depth.interpolation import Between
 from perception.depth.parabola import Quadric
+from perception.image.interpolation import Between
 
 Field = NDArray[np.float32]
 LEAST_POWER = 1e-3

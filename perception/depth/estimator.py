@@ -15,14 +15,14 @@ from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_d
 from perception.depth.kept import Kept
 from perception.depth.literal_match import match_literally
 from perception.depth.matching import match_pair
-from perception.depth.memory import keep_freed_memory
 from perception.depth.motion import Motion
 from perception.depth.motion_correction import correct_motion
-from perception.depth.quantile import known_median
 from perception.depth.search_range import expected_range, widest_range, with_margin
 from perception.depth.settings import DEFAULT, Settings
 from perception.depth.view import View
 from perception.depth.warp import warp_map
+from perception.image.memory import keep_freed_memory
+from perception.image.quantile import known_median
 
 Field = NDArray[np.float32]
 LEAST_PARALLAX_PX = 0.5

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import join_bands
+from perception.image.bands import join_bands
 
 Field = NDArray[np.float32]
 FLAT_RADIUS = 4

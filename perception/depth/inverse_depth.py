@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Projection
-from perception.depth.select import select
+from perception.image.bands import Band, join_bands
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]

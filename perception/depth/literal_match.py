@@ -16,9 +16,9 @@ from perception.depth.essd import BaseWindow
 from perception.depth.inverse_depth import InverseDepth
 from perception.depth.membrane import Springs, relax_membrane, relaxed_variance
 from perception.depth.parabola import disparity_variance, fit_parabola
-from perception.depth.pyramid import build_pyramid, enlarge
-from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
+from perception.image.pyramid import build_pyramid, enlarge
+from perception.image.quantile import quantiles
 
 Field = NDArray[np.float32]
 WIDEST_SEARCH = 10

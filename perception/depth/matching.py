@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands
 from perception.depth.epipolar import Epipolar
 from perception.depth.flatten import flatten_whole
 from perception.depth.inverse_depth import InverseDepth
@@ -15,11 +14,12 @@ from perception.depth.membrane import Springs, relax_membrane
 from perception.depth.outline import HALO as OUTLINE_HALO
 from perception.depth.outline import align_outlines
 from perception.depth.refinement import refine
-from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.sweep_choice import choose_on_affordable_level
 from perception.depth.view import View
 from perception.depth.voids import fill_voids
+from perception.image.bands import Band, join_bands
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]

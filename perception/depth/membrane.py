@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.select import select
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 

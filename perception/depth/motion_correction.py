@@ -16,8 +16,8 @@ from perception.depth.coarse_match import CoarseMatch
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.motion import Motion
-from perception.depth.quantile import median, robust_deviation
 from perception.depth.settings import Settings
+from perception.image.quantile import median, robust_deviation
 
 Field = NDArray[np.float32]
 Vector = NDArray[np.float64]

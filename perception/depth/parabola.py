@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.select import select
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 

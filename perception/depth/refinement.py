@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, bands, join_bands, share
 from perception.depth.contrast import soften
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.flatten import flatten_whole
-from perception.depth.interpolation import Between
-from perception.depth.quantile import known_median, median, robust_deviation
-from perception.depth.select import select
 from perception.depth.settings import Settings
 from perception.depth.view import View
+from perception.image.bands import Band, bands, join_bands, share
+from perception.image.interpolation import Between
+from perception.image.quantile import known_median, median, robust_deviation
+from perception.image.select import select
 
 Field = NDArray[np.float32]
 

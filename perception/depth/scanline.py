@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, bands, join_bands, share
+from perception.image.bands import Band, bands, join_bands, share
 
 Costs = NDArray[np.uint8]
 """Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""

@@ -4,8 +4,8 @@ import numpy as np
 
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.quantile import quantiles
 from perception.depth.settings import Settings
+from perception.image.quantile import quantiles
 
 Range = tuple[float, float]
 WIDEST = 0.35

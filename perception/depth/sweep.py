@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, bands, share
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.plane_warp import find_shift, shift_picture, warp_picture
-from perception.depth.select import select
+from perception.image.bands import Band, bands, share
+from perception.image.plane_warp import find_shift, shift_picture, warp_picture
+from perception.image.select import select
 
 Bytes = NDArray[np.uint8]
 Volume = NDArray[np.uint8]

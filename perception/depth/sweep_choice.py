@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bands import Band, join_bands
 from perception.depth.consistency import agree, backward_planes, without_specks
 from perception.depth.epipolar import Epipolar
 from perception.depth.inverse_depth import InverseDepth
-from perception.depth.pyramid import enlarge
 from perception.depth.scanline import aggregate, choose, hear_neighbours, jump_costs, pick
 from perception.depth.settings import Settings
 from perception.depth.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.view import View
+from perception.image.bands import Band, join_bands
+from perception.image.pyramid import enlarge
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]

@@ -17,7 +17,7 @@ from perception.depth.contrast import (
     soften,
     take_out_noise,
 )
-from perception.depth.interpolation import Between
+from perception.image.interpolation import Between
 
 
 class View:

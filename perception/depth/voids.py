@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.quantile import quantiles
+from perception.image.quantile import quantiles
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]

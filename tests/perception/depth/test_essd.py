@@ -7,9 +7,9 @@ import pytest
 from perception.depth.contrast import soften
 from perception.depth.epipolar import Epipolar
 from perception.depth.essd import BaseWindow, Equalisation, Window, sample_surface
-from perception.depth.interpolation import Between
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
+from perception.image.interpolation import Between
 
 SIZE = (80, 60)
 

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.depth import bands as room
-from perception.depth.bands import Band, bands, join_bands, share
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.settings import DEFAULT
+from perception.image import bands as room
+from perception.image.bands import Band, bands, join_bands, share
 from tools.depth_scenes import slanted_plane
 
 

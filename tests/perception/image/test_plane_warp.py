@@ -7,7 +7,7 @@ import pytest
 from perception.depth.epipolar import Epipolar
 from perception.depth.intrinsics import Intrinsics
 from perception.depth.motion import Motion
-from perception.depth.plane_warp import find_shift, shift_picture, warp_picture
+from perception.image.plane_warp import find_shift, shift_picture, warp_picture
 
 CAMERA = Intrinsics(100.0, 90.0, 31.5, 23.5)
 

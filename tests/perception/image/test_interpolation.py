@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.interpolation import Between
+from perception.image.interpolation import Between
 
 
 @pytest.mark.parametrize(("length", "moved"), [(4.0, 0.007), (6.0, 0.001), (12.0, 0.0002)])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.select import select
+from perception.image.select import select
 
 RNG = np.random.default_rng(0)
 MASK = RNG.random((7, 9)) < 0.5

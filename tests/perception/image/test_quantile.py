@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.quantile import known_median, median, quantiles
+from perception.image.quantile import known_median, median, quantiles
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 1000, 1001])
