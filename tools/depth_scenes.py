@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
 
 Array = NDArray[np.float64]
 

@@ -6,21 +6,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.carry import carry_map
-from perception.depth.coarse_match import LESS_COST, match_turned
-from perception.depth.epipolar import Epipolar
 from perception.depth.errors import ImageError
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.inverse_depth import InverseDepth, fuse, predict_inverse_depth
+from perception.depth.filter.carry import carry_map
+from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
+from perception.depth.geometry.epipolar import Epipolar
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
 from perception.depth.kept import Kept
-from perception.depth.literal_match import match_literally
+from perception.depth.match.coarse_match import LESS_COST, match_turned
+from perception.depth.match.search_range import expected_range, widest_range, with_margin
+from perception.depth.match.view import View
 from perception.depth.matching import match_pair
-from perception.depth.motion import Motion
-from perception.depth.motion_correction import correct_motion
-from perception.depth.search_range import expected_range, widest_range, with_margin
+from perception.depth.refine.motion_correction import correct_motion
 from perception.depth.settings import DEFAULT, Settings
-from perception.depth.view import View
-from perception.depth.warp import warp_map
+from perception.depth.thesis.literal_match import match_literally
+from perception.depth.thesis.warp import warp_map
 from perception.image.memory import keep_freed_memory
 from perception.image.quantile import known_median
 

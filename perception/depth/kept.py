@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.motion import Motion
-from perception.depth.view import View
+from perception.depth.geometry.motion import Motion
+from perception.depth.match.view import View
 
 
 @dataclass

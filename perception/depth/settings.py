@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from perception.depth.errors import ConfigError
-from perception.depth.essd import Equalisation
+from perception.depth.refine.essd import Equalisation
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.intrinsics import Intrinsics
+from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.settings import DEFAULT
 from tools.depth_scenes import Plane, Scene, Sequence, film, place, waves
 

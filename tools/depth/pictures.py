@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
 from tools.depth_scenes import Sequence
 
 Image = NDArray[np.uint8]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.motion import Motion
+from perception.depth.geometry.motion import Motion
 from perception.depth.settings import DEFAULT, PRESETS, Settings
 from tools.depth.light import LIGHTS, dim
 from tools.depth.peers import Field, bad_percent, fill_from_left, match_bm, match_sgbm

@@ -7,8 +7,8 @@ import pytest
 
 from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
 from perception.depth.settings import DEFAULT
 from tools.depth.pictures import read_cones, read_tsukuba, read_tum
 from tools.depth.rendered import edge_masks

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.depth.epipolar import Epipolar
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.depth.geometry.epipolar import Epipolar
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
 from perception.image.plane_warp import find_shift, shift_picture, warp_picture
 
 CAMERA = Intrinsics(100.0, 90.0, 31.5, 23.5)

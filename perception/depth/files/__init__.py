@@ -1,0 +1,1 @@
+"""What the program reads and writes: images, motion, camera, reference; maps and clouds."""

@@ -1,0 +1,123 @@
+"""The discrete part of the match: sweep, weak string and forward–backward check on one level of the pyramid."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.filter.inverse_depth import InverseDepth
+from perception.depth.geometry.epipolar import Epipolar
+from perception.depth.match.consistency import agree, backward_planes, without_specks
+from perception.depth.match.scanline import aggregate, choose, hear_neighbours, jump_costs, pick
+from perception.depth.match.sweep import WORST, admit_prediction, sweep_planes
+from perception.depth.match.view import View
+from perception.depth.settings import Settings
+from perception.image.bands import Band, join_bands
+from perception.image.pyramid import enlarge
+
+Field = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+AGAIN = 0.75
+"""What a bend or a jump costs in each of two runs, as a part of its cost in one: in the second both are charged."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the sweep chose, height × width.
+
+    Inverse depth; its cost in this pair alone, 0 to 1; how far it lacks distinctness, 0 to 1; whether the other
+    picture confirmed it; whether it is rather hidden there than out of view; and the distance of the planes in 1/m.
+    """
+
+    inverse_depth: Field
+    cost: Field
+    lack: Field
+    sure: Mask
+    hidden: Mask
+    spacing: np.float32
+
+
+def choose_planes(
+    base: View,
+    other: View,
+    geometry: Epipolar,
+    planes: NDArray[np.float64],
+    predicted: InverseDepth,
+    settings: Settings,
+) -> Choice:
+    """Choose a plane for every pixel of the base picture."""
+    costs = alone = sweep_planes(base.slopes, other.slopes, geometry, planes)
+    if np.isfinite(predicted.value).any():
+        costs = admit_prediction(alone, planes, predicted, settings.stiffness)
+    contrast = max(0.6 * base.contrast, 1.4 * base.noise)
+    price = WORST * (AGAIN if base.noisy else 1)
+    bend = int(settings.bend * price)
+    jumps = jump_costs(base.bare, int(settings.jump * price), bend + bend // 5, contrast)
+    total = aggregate(costs, bend, jumps)
+    if base.noisy:
+        total = aggregate(hear_neighbours(costs, total, WORST), bend, jumps)
+    plane, place = choose(total)
+    spacing = np.float32(planes[1] - planes[0])
+    inverse_depth = np.asarray(np.float32(planes[0]) + place * spacing, np.float32)
+    backward = backward_planes(total, geometry, planes)
+
+    def judge(band: Band) -> tuple[Field, Field, Mask]:
+        rows = band.inner
+        sure = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
+        cost = pick(alone, plane[rows], rows.start).astype(np.float32)
+        mean = np.zeros(cost.shape, np.float32)
+        for plane_costs in alone[:, rows]:
+            cv2.accumulate(plane_costs, mean)
+        mean /= np.float32(len(planes))
+        lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
+        cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
+        return cost, lack, sure
+
+    cost, lack, agreed = join_bands(base.shape, judge)
+    sure = without_specks(agreed, place)
+    hidden = ~sure
+    for end in (planes[0], planes[-1]):
+        hidden[hidden] = geometry.in_view(float(end), hidden)
+    return Choice(inverse_depth, cost, lack, sure, hidden, spacing)
+
+
+def choose_on_affordable_level(
+    base: View,
+    other: View,
+    geometry: Epipolar,
+    lowest: float,
+    highest: float,
+    predicted: InverseDepth,
+    settings: Settings,
+) -> Choice:
+    """Sweep between two inverse depths on the finest level of the pyramid that `max_hypotheses` allows.
+
+    What a coarser level chose is brought to the finest, where the error surface refines it (section 2.5).
+    """
+    full = base.shape
+    planes = geometry.planes(lowest, highest)
+    for _ in range(1, settings.levels):
+        if len(planes) * geometry.shape[0] * geometry.shape[1] <= settings.max_hypotheses:
+            break
+        base, other = base.level(1), other.level(1)
+        factor = base.shape[1] / geometry.shape[1]
+        geometry = Epipolar(geometry.camera.scaled(factor), geometry.motion, base.shape)
+        planes = geometry.planes(lowest, highest)
+    if base.shape == full:
+        return choose_planes(base, other, geometry, planes, predicted, settings)
+    shape = geometry.shape
+    small = InverseDepth(
+        *(_thin_out(part, shape) for part in (predicted.value, predicted.variance, predicted.cost))
+    )
+    choice = choose_planes(base, other, geometry, planes, small, settings)
+    sure, hidden = (enlarge(mask.astype(np.float32), full) > 0.5 for mask in (choice.sure, choice.hidden))
+    inverse_depth, cost, lack = (
+        enlarge(part, full) for part in (choice.inverse_depth, choice.cost, choice.lack)
+    )
+    return Choice(inverse_depth, cost, lack, sure, hidden, choice.spacing)
+
+
+def _thin_out(field: Field, shape: tuple[int, int]) -> Field:
+    return np.asarray(cv2.resize(field, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.float32)

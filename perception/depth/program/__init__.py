@@ -1,0 +1,1 @@
+"""depth-from-motion: from files to files, and whether to believe the result."""

@@ -1,0 +1,237 @@
+"""A sequence run from files to files: what the command line does."""
+
+import csv
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.intrinsics import Intrinsics as Lens
+from perception.depth.errors import ConfigError, ImageError, MotionError
+from perception.depth.estimator import DepthFromMotion, DepthMap
+from perception.depth.files.lens import pinhole, read_lens, straighten
+from perception.depth.files.motion_file import read_poses
+from perception.depth.files.picture import colour_depth
+from perception.depth.files.point_cloud import write_ply
+from perception.depth.files.reference import read_reference
+from perception.depth.files.sequence import list_pictures, read_picture
+from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.motion import Motion
+from perception.depth.program.accuracy import Accuracy, compare
+from perception.depth.program.plausibility import check_motion, doubt, explain_no_parallax
+from perception.depth.settings import PRESETS, Settings
+
+Matrix = NDArray[np.float64]
+MOTION_NAMES = ("motion.csv", "groundtruth.txt", "poses.txt")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked on the command line; pictures are counted from 1."""
+
+    sequence: Path
+    out: Path
+    camera: Path | None = None
+    motion: Path | None = None
+    motion_format: str = "auto"
+    preset: str = "default"
+    near: float | None = None
+    far: float | None = None
+    start_depth: float | None = None
+    order: tuple[int, ...] | None = None
+    reference_frame: int | None = None
+    reference: Path | None = None
+    reference_scale: float = 1.0
+    reference_baseline: float | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One picture in the table."""
+
+    picture: str
+    baseline_m: float
+    rotation_deg: float
+    stray_px: float
+    confirmed: float
+    known: float
+    median_depth_m: float
+    median_relative_std: float
+    seconds: float
+    accuracy: Accuracy | None
+    remark: str | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Pictures and motions in the order in which they are used; the motions lead from `kept` to each."""
+
+    pictures: list[Path]
+    motions: list[Motion]
+    anchored: bool
+
+
+def settings_of(request: Request) -> Settings:
+    """The preset with what was changed of it.
+
+    Raises:
+        ConfigError: there is no such preset, or near and far are no range.
+    """
+    if request.preset not in PRESETS:
+        raise ConfigError(f"no preset {request.preset!r}; there is {', '.join(PRESETS)}")
+    changes = {name: getattr(request, name) for name in ("near", "far", "start_depth")}
+    return replace(
+        PRESETS[request.preset], **{name: value for name, value in changes.items() if value is not None}
+    )
+
+
+def make_plan(request: Request) -> Plan:
+    """Find pictures and motion and bring them into order.
+
+    Raises:
+        ImageError, MotionError, ConfigError: what is missing or wrong.
+    """
+    pictures = [path for path in list_pictures(request.sequence) if path != request.reference]
+    folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
+    motion = request.motion or next(
+        (folder / name for name in MOTION_NAMES if (folder / name).is_file()), None
+    )
+    if motion is None:
+        raise MotionError(f"{folder}: no motion given, and none of {', '.join(MOTION_NAMES)} is there")
+    poses = read_poses(motion, pictures, request.motion_format)
+    order = list(request.order or range(1, len(pictures) + 1))
+    frame = request.reference_frame
+    for number in (*order, *(() if frame is None else (frame,))):
+        if not 1 <= number <= len(pictures):
+            raise ConfigError(f"picture {number}: there are 1 to {len(pictures)}")
+    if len(order) < 2 or len(set(order)) != len(order):
+        raise ConfigError("the order must name two or more different pictures")
+    if frame is not None:
+        order = [frame, *(number for number in order if number != frame)]
+    chosen = [number - 1 for number in order]
+    kept = [chosen[0]] * (len(chosen) - 1) if frame is not None else chosen[:-1]
+    motions = [Motion.between(poses[a], poses[b]) for a, b in zip(kept, chosen[1:], strict=True)]
+    return Plan([pictures[i] for i in chosen], motions, frame is not None)
+
+
+def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Lens:
+    """The lens of the camera file that was given or lies beside the pictures; else a guess, which is said."""
+    folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
+    path = request.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
+    height, width = shape
+    if path is not None:
+        return read_lens(path, (width, height))
+    guess = Intrinsics.guess(width, height)
+    warn(f"no camera given: a lens of 60° is assumed (fx = fy = {guess.fx:.0f} px)")
+    return Lens(width, height, guess.fx, guess.fy, guess.cx, guess.cy)
+
+
+def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
+    """Run the sequence, write its files, and give a row after every picture but the first.
+
+    Raises:
+        DepthError: the first thing that is wrong, in one line.
+    """
+    settings, plan = settings_of(request), make_plan(request)
+    first = read_picture(plan.pictures[0])
+    shape = (first.shape[0], first.shape[1])
+    lens = find_lens(request, shape, warn)
+    camera, first = pinhole(lens), straighten(lens, first)
+    worth = None if request.reference_baseline is None else camera.fx * request.reference_baseline
+    truth = (
+        None
+        if request.reference is None
+        else read_reference(request.reference, request.reference_scale, worth)
+    )
+    for name, kept, motion in zip(
+        plan.pictures[1:],
+        [plan.pictures[0]] * len(plan.motions) if plan.anchored else plan.pictures,
+        plan.motions,
+        strict=False,
+    ):
+        check_motion(camera, motion, shape, settings, (kept.name, name.name))
+    request.out.mkdir(parents=True, exist_ok=True)
+    estimator = DepthFromMotion(camera, settings, plan.anchored)
+    estimator.start(first)
+    rows, image, result = [], first, None
+    for path, motion in zip(plan.pictures[1:], plan.motions, strict=True):
+        picture = straighten(lens, read_picture(path))
+        begun = time.perf_counter()
+        try:
+            result = estimator.step(picture, motion)
+        except ImageError as error:
+            raise ImageError(f"{path}: {error}") from error
+        seconds = time.perf_counter() - begun
+        image = first if plan.anchored else picture
+        remark = (
+            doubt(result, settings)
+            if result.measured
+            else explain_no_parallax(camera, motion, shape, settings)
+        )
+        last = path == plan.pictures[-1]
+        accuracy = None
+        if truth is not None and (plan.anchored or last):
+            accuracy = _compare(result, truth, worth, request)
+        row = _row(path.name, motion, result, seconds, accuracy, remark)
+        rows.append(row)
+        _write_map(request.out, path.stem, result)
+        yield row
+    if result is None or not any(np.isfinite(row.median_depth_m) for row in rows):
+        raise MotionError(f"no depth at all: {rows[-1].remark or 'nothing could be matched'}")
+    write_ply(request.out / "cloud.ply", camera, result.state, image)
+    _write_table(request.out / "table.csv", rows)
+
+
+def _compare(result: DepthMap, truth: NDArray[np.float32], worth: float | None, request: Request) -> Accuracy:
+    try:
+        return compare(result.state, truth, worth)
+    except ValueError as error:
+        raise ConfigError(f"{request.reference}: {error}") from error
+
+
+def _row(
+    name: str, motion: Motion, result: DepthMap, seconds: float, accuracy: Accuracy | None, remark: str | None
+) -> Row:
+    value, variance = result.state.value, result.state.variance
+    known = np.isfinite(value) & (value > 0)
+    nan = float("nan")
+    return Row(
+        name,
+        motion.distance,
+        float(np.degrees(motion.angle)),
+        result.stray_px,
+        result.confirmed,
+        float(known.mean()),
+        float(1 / np.median(value[known])) if known.any() else nan,
+        float(np.median(np.sqrt(variance[known]) / value[known])) if known.any() else nan,
+        seconds,
+        accuracy,
+        remark,
+    )
+
+
+def _write_map(folder: Path, stem: str, result: DepthMap) -> None:
+    try:
+        np.save(folder / f"{stem}-depth.npy", result.depth)
+        np.save(folder / f"{stem}-std.npy", result.depth_std)
+        if not cv2.imwrite(str(folder / f"{stem}-depth.png"), colour_depth(result.depth)):
+            raise OSError(None, "the picture could not be encoded or stored")
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be written ({error.strerror or error})") from error
+
+
+def _write_table(path: Path, rows: list[Row]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        plain = [name for name in Row.__dataclass_fields__ if name != "accuracy"]
+        judged = list(Accuracy.__dataclass_fields__)
+        writer.writerow(plain + judged)
+        for row in rows:
+            figures = [getattr(row.accuracy, name) for name in judged] if row.accuracy else [""] * len(judged)
+            writer.writerow(
+                [getattr(row, name) if getattr(row, name) is not None else "" for name in plain] + figures
+            )

@@ -1,0 +1,1 @@
+"""The match and the warp of chapter 2 to the letter."""
