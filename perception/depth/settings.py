@@ -1,9 +1,18 @@
 """What can be chosen, and the two presets: the pipeline of the thesis to the letter, and the better default."""
 
 from dataclasses import dataclass, replace
+from enum import Enum
 
 from perception.depth.errors import ConfigError
-from perception.depth.refine.essd import Equalisation
+
+
+class Equalisation(Enum):
+    """What is taken out of the window before grey levels are compared."""
+
+    NONE = "none"
+    """(2.6), (2.7): nothing."""
+    MEAN_RATIO = "mean-ratio"
+    """(2.8): the ratio of the means, where the window has texture. Removes a gain, not an offset."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from perception.depth.geometry.epipolar import Projection
 from perception.depth.match.contrast import ROUNDING
 from perception.depth.refine.parabola import Quadric
+from perception.depth.settings import Equalisation
 from perception.image.interpolation import Between
 
 Field = NDArray[np.float32]
@@ -21,17 +22,6 @@ LEAST_POWER = 1e-3
 """No window has less contrast than this, grey levels squared."""
 SLOPE_NOISE = 0.76
 """Variance of the noise in a slope for one of the noise in a softened picture, white before it was softened."""
-
-
-class Equalisation(Enum):
-    """What is taken out of the window before grey levels are compared."""
-
-    NONE = "none"
-    """(2.6), (2.7): nothing."""
-    MEAN_RATIO = "mean-ratio"
-    """(2.8): the ratio of the means, where the window has texture. Removes a gain, not an offset."""
-
-
 TEXTURE_GATE = 0.01
 """Least ratio of standard deviation to mean for (2.8) to be used, thesis section 2.9.1."""
 

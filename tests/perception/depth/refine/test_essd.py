@@ -8,7 +8,8 @@ from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
 from perception.depth.match.contrast import soften
-from perception.depth.refine.essd import BaseWindow, Equalisation, Window, sample_surface
+from perception.depth.refine.essd import BaseWindow, Window, sample_surface
+from perception.depth.settings import Equalisation
 from perception.image.interpolation import Between
 
 SIZE = (80, 60)
