@@ -8,8 +8,7 @@ import numpy as np
 
 from medusa.gaze.command import Sighting
 from medusa.kinematics import Joints, Tangents, Vector
-from perception.correlation import estimate_disparity
-from perception.target import Image, Target
+from perception.target import Image, Target, estimate_disparity
 
 if TYPE_CHECKING:
     from perception.camera.frame import Frame

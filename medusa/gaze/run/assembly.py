@@ -14,8 +14,7 @@ from medusa.gaze.run.loop import Gaze, LoopSettings, gaze_limits, least_speeds
 from medusa.gaze.thesis_gaze import ThesisGaze, ThesisSettings
 from medusa.head.drive import JointTraits
 from medusa.kinematics import HeadGeometry, Joints, direction_of, look_at
-from perception.correlation import PatchTarget
-from perception.target import Image, Shape, Target, detect_bright_target
+from perception.target import Image, PatchTarget, Shape, Target, detect_bright_target
 
 Controller = Literal["predictive", "thesis"]
 CONTROLLERS: tuple[Controller, ...] = ("predictive", "thesis")

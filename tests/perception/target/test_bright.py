@@ -8,7 +8,7 @@ import pytest
 
 from perception.target import Shape, detect_bright_target, subsample
 
-REAL = Path(__file__).parents[2].parent / "shared/data/visp_mire2_target"
+REAL = Path(__file__).parents[4] / "shared/data/visp_mire2_target"
 
 
 def disc(x, y, radius, shape=(128, 128), level=250, background=20, flat=1.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.correlation import PatchTarget, estimate_disparity
+from perception.target import PatchTarget, estimate_disparity
 
 
 def texture(seed=3, size=128, smooth=6.0):

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.target import Image, Target
+from perception.target.bright import Image, Target
 
 Scores = NDArray[np.float32]
 
