@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class Scene:
     shade: Callable[[Array], Array] | None = None
 
     def render(
-        self, camera: Intrinsics, size: tuple[int, int], pose: Array, samples: int = 2
+        self, camera: Pinhole, size: tuple[int, int], pose: Array, samples: int = 2
     ) -> tuple[Array, Array]:
         """Grey levels (not yet whole numbers) and inverse depth seen from a 4×4 camera-to-world pose.
 
@@ -110,7 +110,7 @@ class Scene:
         return grey if self.shade is None else grey * self.shade(points)
 
     def _look(
-        self, camera: Intrinsics, size: tuple[int, int], pose: Array, dx: float, dy: float
+        self, camera: Pinhole, size: tuple[int, int], pose: Array, dx: float, dy: float
     ) -> tuple[Array, Array]:
         x = (np.arange(size[0]) + dx - camera.cx) / camera.fx
         y = (np.arange(size[1]) + dy - camera.cy) / camera.fy
@@ -126,7 +126,7 @@ class Sequence:
     """Pictures, the truth of each, and the motion from each to the next."""
 
     name: str
-    camera: Intrinsics
+    camera: Pinhole
     images: list[NDArray[np.uint8]]
     truth: list[Array]
     poses: list[Array] = field(repr=False)
@@ -157,7 +157,7 @@ def expose(grey: Array, noise: float, rng: np.random.Generator) -> NDArray[np.ui
 def film(
     name: str,
     scene: Scene,
-    camera: Intrinsics,
+    camera: Pinhole,
     size: tuple[int, int],
     poses: list[Array],
     noise: float = 0.0,
@@ -191,7 +191,7 @@ def slanted_plane(
         yaw: by how much it turns a picture, rad.
     """
     focal = size[0] * 1.0
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     turned = (float(np.cos(slant)), 0.0, float(np.sin(slant)))
     scene = Scene((Plane((0, 0, 2), turned, (0, 1, 0)),), waves(seed, 8.0 / focal, 0.5))
     right, forward = (8 * 2 / focal, 0.0) if step is None else step
@@ -204,7 +204,7 @@ def table_top(
 ) -> Sequence:
     """Boxes on a table before a wall; the camera moves right for half of the pictures, then up (figure 2.12)."""
     focal = size[0] * 1.1
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     right, down, away = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     surfaces: list[Plane | Relief] = [
         Plane((0, 0, 2.4), right, down),
@@ -237,7 +237,7 @@ def sea_bed(
 ) -> Sequence:
     """A rolling sea bed before a camera that sinks at 1 m/s, a picture every 0.4 s, in poor and changing light."""
     focal = size[0] * 1.0
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
 
     def height(u: Array, v: Array) -> Array:
         return np.asarray(
@@ -260,7 +260,7 @@ def stripes(
 ) -> Sequence:
     """A wall of upright stripes with a board of level ones before it; the camera moves right, from `turn` on up."""
     focal = size[0] * 1.0
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     rng = np.random.default_rng(5)
     length = np.exp(rng.uniform(np.log(7.0 / focal * 1.5), np.log(0.3), 12))
     phase = rng.uniform(0, 2 * np.pi, 12)
@@ -283,7 +283,7 @@ def stripes(
 def approach(frames: int = 5, noise: float = 1.0, size: tuple[int, int] = (160, 120)) -> Sequence:
     """A slanted floor and a wall before a camera that moves forward and turns a little."""
     focal = size[0] * 0.9
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     right, down, away = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     scene = Scene(
         (Plane((0, 0.8, 0), right, away), Plane((0, 0, 5.0), right, down)), waves(7, 10.0 * 3 / focal, 1.0)

@@ -13,5 +13,5 @@ class MotionError(DepthError):
     """A motion that cannot be used: rows missing, no rotation matrix, a unit that cannot be right."""
 
 
-class ConfigError(DepthError):
-    """A camera file or setting outside its range; the message names file, key, value and range."""
+class OptionError(DepthError):
+    """An option, or the file or folder that it names, cannot be used; the message names value and range."""

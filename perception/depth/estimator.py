@@ -10,8 +10,8 @@ from perception.depth.errors import ImageError
 from perception.depth.filter.carry import carry_map
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.kept import Kept
 from perception.depth.match.coarse_match import LESS_COST, match_turned
 from perception.depth.match.search_range import expected_range, widest_range, with_margin
@@ -78,7 +78,7 @@ class DepthFromMotion:
     picture is the first one and the map stays in its view.
     """
 
-    def __init__(self, camera: Intrinsics, settings: Settings = DEFAULT, anchored: bool = False) -> None:
+    def __init__(self, camera: Pinhole, settings: Settings = DEFAULT, anchored: bool = False) -> None:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored

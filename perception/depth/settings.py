@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from perception.depth.errors import ConfigError
+from perception.depth.errors import OptionError
 
 
 class Equalisation(Enum):
@@ -74,13 +74,13 @@ class Settings:
 
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far:
-            raise ConfigError(f"near = {self.near}, far = {self.far}: depths with 0 < near < far are needed")
+            raise OptionError(f"near = {self.near}, far = {self.far}: depths with 0 < near < far are needed")
         if not (0 <= self.bend <= 1 and 0 <= self.jump <= 1.5):
-            raise ConfigError(
+            raise OptionError(
                 f"bend = {self.bend}, jump = {self.jump}: 0 to 1 and 0 to 1.5, as the string is in bytes"
             )
         if not 1 <= self.levels <= 6:
-            raise ConfigError(f"levels = {self.levels}: 1 to 6 levels")
+            raise OptionError(f"levels = {self.levels}: 1 to 6 levels")
 
 
 DEFAULT = Settings()

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DEFAULT
 from tools.depth_scenes import Plane, Scene, Sequence, film, place, waves
 
@@ -30,7 +30,7 @@ def scene(size: tuple[int, int], frames: int, turning: bool = False) -> Sequence
     A camera that is `turning` also goes forward, so that planes are warped and not only shifted.
     """
     focal = float(size[0])
-    camera = Intrinsics(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     wall = Plane((0, 0, 2), (float(np.cos(0.3)), 0, float(np.sin(0.3))), (0, 1, 0))
     board = Plane((0.1, 0.0, 1.0), (1, 0, 0), (0, 1, 0), (0.15, 0.15))
     surfaces = Scene((wall, board), waves(1, 12 / focal, 0.5, count=12))

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from tools.depth_scenes import Sequence
 
 Image = NDArray[np.uint8]
@@ -33,10 +33,10 @@ class Views:
     """Disparities searched, a multiple of 16."""
 
     @property
-    def camera(self) -> Intrinsics:
+    def camera(self) -> Pinhole:
         """Any focal length does: with lateral motion only its product with the step counts."""
         height, width = self.truth.shape
-        return Intrinsics(FOCAL_PX, FOCAL_PX, (width - 1) / 2, (height - 1) / 2)
+        return Pinhole(FOCAL_PX, FOCAL_PX, (width - 1) / 2, (height - 1) / 2)
 
     def motion(self, first: int, second: int) -> Motion:
         """From one view to another."""
@@ -119,4 +119,4 @@ def read_tum() -> Sequence | None:
         images.append(_read(path))
         truth.append(1 / np.where(metres > 0, metres, np.nan))
         poses.append(pose)
-    return Sequence("TUM fr1/desk", Intrinsics(517.3, 516.5, 318.6, 255.3), images, truth, poses)
+    return Sequence("TUM fr1/desk", Pinhole(517.3, 516.5, 318.6, 255.3), images, truth, poses)

@@ -7,25 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.intrinsics import Intrinsics as Lens
-from perception.depth.errors import ConfigError
-from perception.depth.geometry.intrinsics import Intrinsics
+from perception.camera.intrinsics import Intrinsics
+from perception.depth.errors import OptionError
+from perception.depth.geometry.pinhole import Pinhole
 
 Picture = NDArray[np.uint8]
 NO_DISTORTION = (0.0,) * 5
 
 
-def pinhole(lens: Lens) -> Intrinsics:
+def pinhole(lens: Intrinsics) -> Pinhole:
     """The camera whose pictures `straighten` gives."""
-    return Intrinsics(lens.fx, lens.fy, lens.cx, lens.cy)
+    return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)
 
 
-def straighten(lens: Lens, picture: Picture) -> Picture:
+def straighten(lens: Intrinsics, picture: Picture) -> Picture:
     """The picture as the pinhole would have taken it; one of another size as it is, for the estimator refuses it."""
     return lens.undistort(picture) if picture.shape[:2] == (lens.height, lens.width) else picture
 
 
-def read_lens(path: Path, size: tuple[int, int]) -> Lens:
+def read_lens(path: Path, size: tuple[int, int]) -> Intrinsics:
     """Read `fx fy cx cy` (pixels), and `distortion` and `width height` if they are there, from a TOML file.
 
     They stand at its top or in a table `[camera]`.
@@ -34,35 +34,35 @@ def read_lens(path: Path, size: tuple[int, int]) -> Lens:
         size: width and height of the pictures, which those of the file must be.
 
     Raises:
-        ConfigError: file, key and what is wrong with it.
+        OptionError: file, key and what is wrong with it.
     """
     try:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+        raise OptionError(f"{path}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not TOML ({error})") from error
+        raise OptionError(f"{path}: not TOML ({error})") from error
     table = content.get("camera", content)
     if not isinstance(table, dict):
-        raise ConfigError(f"{path}: [camera] must be a table")
+        raise OptionError(f"{path}: [camera] must be a table")
     for key, pixels in zip(("width", "height"), size, strict=True):
         if table.get(key, pixels) != pixels:
-            raise ConfigError(f"{path}: {key} = {table[key]!r}, the pictures have {size[0]}×{size[1]} pixels")
+            raise OptionError(f"{path}: {key} = {table[key]!r}, the pictures have {size[0]}×{size[1]} pixels")
     fx, fy, cx, cy = (
         _number(path, key, table.get(key), "a number of pixels") for key in ("fx", "fy", "cx", "cy")
     )
     bends = table.get("distortion", list(NO_DISTORTION))
     if not isinstance(bends, list) or len(bends) != len(NO_DISTORTION):
-        raise ConfigError(f"{path}: distortion = {bends!r}, five numbers k1, k2, p1, p2, k3 are needed")
+        raise OptionError(f"{path}: distortion = {bends!r}, five numbers k1, k2, p1, p2, k3 are needed")
     k1, k2, p1, p2, k3 = (_number(path, "distortion", bend, "a number") for bend in bends)
     try:
-        Intrinsics(fx, fy, cx, cy)
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from error
-    return Lens(*size, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+        Pinhole(fx, fy, cx, cy)
+    except OptionError as error:
+        raise OptionError(f"{path}: {error}") from error
+    return Intrinsics(*size, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
 def _number(path: Path, key: str, value: object, wanted: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise ConfigError(f"{path}: {key} = {value!r}, {wanted} is needed")
+        raise OptionError(f"{path}: {key} = {value!r}, {wanted} is needed")
     return float(value)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from perception.depth.errors import ConfigError
+from perception.depth.errors import OptionError
 
 
 @contextmanager
@@ -17,10 +17,10 @@ def fill_whole(out: Path) -> Iterator[Path]:
     unless one of the same name is written.
 
     Raises:
-        ConfigError: `out` is no folder, or it cannot be written.
+        OptionError: `out` is no folder, or it cannot be written.
     """
     if out.exists() and not out.is_dir():
-        raise ConfigError(f"{out}: is no folder; it is not replaced")
+        raise OptionError(f"{out}: is no folder; it is not replaced")
     there = next(folder for folder in (out, *out.absolute().parents) if folder.is_dir())
     stage = there / f".{out.name}.{os.getpid()}.part"
     try:
@@ -33,4 +33,4 @@ def fill_whole(out: Path) -> Iterator[Path]:
         finally:
             shutil.rmtree(stage, ignore_errors=True)
     except OSError as error:
-        raise ConfigError(f"{out}: cannot be written ({error.strerror or error})") from error
+        raise OptionError(f"{out}: cannot be written ({error.strerror or error})") from error

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.filter.inverse_depth import InverseDepth
-from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.pinhole import Pinhole
 
 Field = NDArray[np.float32]
 VERTEX = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")])
 
 
 def write_ply(
-    path: Path, camera: Intrinsics, state: InverseDepth, image: NDArray[np.uint8], doubt: float = 0.2
+    path: Path, camera: Pinhole, state: InverseDepth, image: NDArray[np.uint8], doubt: float = 0.2
 ) -> int:
     """Write the points whose σ_Z/Z is at most `doubt`, in metres.
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.errors import ConfigError
+from perception.depth.errors import OptionError
 
 Field = NDArray[np.float32]
 
@@ -21,11 +21,11 @@ def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | N
         pixels_per_inverse_metre: focal length × baseline when the file holds disparities, None when depths.
 
     Raises:
-        ConfigError: it cannot be read, or the scale is not positive.
+        OptionError: it cannot be read, or the scale is not positive.
     """
     for name, number in (("scale", scale), ("focal length times baseline", pixels_per_inverse_metre)):
         if number is not None and not (np.isfinite(number) and number > 0):
-            raise ConfigError(f"{path}: the reference's {name} is {number}, above 0 is needed")
+            raise OptionError(f"{path}: the reference's {name} is {number}, above 0 is needed")
     if path.suffix in (".npy", ".npz"):
         try:
             raw = np.load(path, allow_pickle=False)
@@ -33,11 +33,11 @@ def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | N
                 with raw:
                     raw = raw["depth"] if "depth" in raw.files or len(raw.files) != 1 else raw[raw.files[0]]
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise ConfigError(f"{path}: cannot be read as an array ({error})") from error
+            raise OptionError(f"{path}: cannot be read as an array ({error})") from error
     else:
         raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None or raw.ndim != 2:
-        raise ConfigError(f"{path}: no picture of one channel")
+        raise OptionError(f"{path}: no picture of one channel")
     value = np.where(np.isfinite(raw) & (raw > 0), raw / scale, np.nan)
     inverse = 1 / value if pixels_per_inverse_metre is None else value / pixels_per_inverse_metre
     return np.asarray(inverse, np.float32)

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.image.bands import join_bands
 from perception.image.select import select
 
@@ -45,7 +45,7 @@ class Projection:
 class Epipolar:
     """The geometry of one pair of pictures: base view, motion to the other view, camera."""
 
-    def __init__(self, camera: Intrinsics, motion: Motion, shape: tuple[int, int]) -> None:
+    def __init__(self, camera: Pinhole, motion: Motion, shape: tuple[int, int]) -> None:
         self.camera = camera
         self.motion = motion
         self.shape = shape

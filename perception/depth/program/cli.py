@@ -83,7 +83,7 @@ def estimate(
     """Estimate depth with its standard deviation, picture by picture, from a moving camera."""
     from dataclasses import replace
 
-    from perception.depth.errors import ConfigError, DepthError
+    from perception.depth.errors import DepthError, OptionError
     from perception.depth.files.output_folder import fill_whole
     from perception.depth.program.run import Request, make_plan
 
@@ -114,10 +114,10 @@ def estimate(
         with fill_whole(out) as stage:
             try:
                 rows = _run(replace(request, out=stage), count)
-            except ConfigError as error:
+            except OptionError as error:
                 # Nobody asked for the folder that is filled meanwhile.
-                raise ConfigError(str(error).replace(str(stage), str(out))) from error
-    except ConfigError as error:
+                raise OptionError(str(error).replace(str(stage), str(out))) from error
+    except OptionError as error:
         _fail(str(error), 3, json)
     except DepthError as error:
         _fail(str(error), 2, json)

@@ -5,8 +5,8 @@ import numpy as np
 from perception.depth.errors import MotionError
 from perception.depth.estimator import LEAST_PARALLAX_PX, DepthMap
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import Settings
 
 FAR_PART = 0.25
@@ -20,7 +20,7 @@ END = 1.25
 
 
 def check_motion(
-    camera: Intrinsics, motion: Motion, shape: tuple[int, int], settings: Settings, names: tuple[str, str]
+    camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: Settings, names: tuple[str, str]
 ) -> None:
     """Refuse a motion that no scene between `near` and `far` could show.
 
@@ -48,9 +48,7 @@ def check_motion(
         )
 
 
-def explain_no_parallax(
-    camera: Intrinsics, motion: Motion, shape: tuple[int, int], settings: Settings
-) -> str:
+def explain_no_parallax(camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: Settings) -> str:
     """Why no depth follows from a motion that the estimator only carried the map along with."""
     if motion.distance == 0:
         if motion.angle == 0:

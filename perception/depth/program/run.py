@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.intrinsics import Intrinsics as Lens
-from perception.depth.errors import ConfigError, ImageError, MotionError
+from perception.camera.intrinsics import Intrinsics
+from perception.depth.errors import ImageError, MotionError, OptionError
 from perception.depth.estimator import DepthFromMotion, DepthMap
 from perception.depth.files.lens import pinhole, read_lens, straighten
 from perception.depth.files.motion_file import read_poses
@@ -19,8 +19,8 @@ from perception.depth.files.picture import colour_depth
 from perception.depth.files.point_cloud import write_ply
 from perception.depth.files.reference import read_reference
 from perception.depth.files.sequence import list_pictures, read_picture
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.program.accuracy import Accuracy, compare
 from perception.depth.program.plausibility import check_motion, doubt, explain_no_parallax
 from perception.depth.settings import PRESETS, Settings
@@ -79,10 +79,10 @@ def settings_of(request: Request) -> Settings:
     """The preset with what was changed of it.
 
     Raises:
-        ConfigError: there is no such preset, or near and far are no range.
+        OptionError: there is no such preset, or near and far are no range.
     """
     if request.preset not in PRESETS:
-        raise ConfigError(f"no preset {request.preset!r}; there is {', '.join(PRESETS)}")
+        raise OptionError(f"no preset {request.preset!r}; there is {', '.join(PRESETS)}")
     changes = {name: getattr(request, name) for name in ("near", "far", "start_depth")}
     return replace(
         PRESETS[request.preset], **{name: value for name, value in changes.items() if value is not None}
@@ -93,7 +93,7 @@ def make_plan(request: Request) -> Plan:
     """Find pictures and motion and bring them into order.
 
     Raises:
-        ImageError, MotionError, ConfigError: what is missing or wrong.
+        ImageError, MotionError, OptionError: what is missing or wrong.
     """
     pictures = [path for path in list_pictures(request.sequence) if path != request.reference]
     folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
@@ -107,9 +107,9 @@ def make_plan(request: Request) -> Plan:
     frame = request.reference_frame
     for number in (*order, *(() if frame is None else (frame,))):
         if not 1 <= number <= len(pictures):
-            raise ConfigError(f"picture {number}: there are 1 to {len(pictures)}")
+            raise OptionError(f"picture {number}: there are 1 to {len(pictures)}")
     if len(order) < 2 or len(set(order)) != len(order):
-        raise ConfigError("the order must name two or more different pictures")
+        raise OptionError("the order must name two or more different pictures")
     if frame is not None:
         order = [frame, *(number for number in order if number != frame)]
     chosen = [number - 1 for number in order]
@@ -118,16 +118,16 @@ def make_plan(request: Request) -> Plan:
     return Plan([pictures[i] for i in chosen], motions, frame is not None)
 
 
-def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Lens:
+def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Intrinsics:
     """The lens of the camera file that was given or lies beside the pictures; else a guess, which is said."""
     folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
     path = request.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
     height, width = shape
     if path is not None:
         return read_lens(path, (width, height))
-    guess = Intrinsics.guess(width, height)
+    guess = Pinhole.guess(width, height)
     warn(f"no camera given: a lens of 60° is assumed (fx = fy = {guess.fx:.0f} px)")
-    return Lens(width, height, guess.fx, guess.fy, guess.cx, guess.cy)
+    return Intrinsics(width, height, guess.fx, guess.fy, guess.cx, guess.cy)
 
 
 def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
@@ -190,7 +190,7 @@ def _compare(result: DepthMap, truth: NDArray[np.float32], worth: float | None, 
     try:
         return compare(result.state, truth, worth)
     except ValueError as error:
-        raise ConfigError(f"{request.reference}: {error}") from error
+        raise OptionError(f"{request.reference}: {error}") from error
 
 
 def _row(
@@ -221,7 +221,7 @@ def _write_map(folder: Path, stem: str, result: DepthMap) -> None:
         if not cv2.imwrite(str(folder / f"{stem}-depth.png"), colour_depth(result.depth)):
             raise OSError(None, "the picture could not be encoded or stored")
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        raise OptionError(f"{folder}: cannot be written ({error.strerror or error})") from error
 
 
 def _write_table(path: Path, rows: list[Row]) -> None:

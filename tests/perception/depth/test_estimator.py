@@ -7,8 +7,8 @@ import pytest
 
 from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DEFAULT
 from tools.depth.pictures import read_cones, read_tsukuba, read_tum
 from tools.depth.rendered import edge_masks
@@ -45,7 +45,7 @@ def test_turning_while_moving_measures_as_well_as_moving() -> None:
     assert score.median_error < 0.005
 
 
-def _plane_scene(camera: Intrinsics) -> Scene:
+def _plane_scene(camera: Pinhole) -> Scene:
     return Scene((Plane((0, 0, 2), (1, 0, 0), (0, 1, 0)),), waves(5, 8.0 / camera.fx, 0.5))
 
 
@@ -137,7 +137,7 @@ STEP = Motion(np.eye(3), np.array([-0.1, 0, 0]))
     ],
 )
 def test_pictures_that_do_not_fit_are_refused_in_one_line(second: np.ndarray, complaint: str) -> None:
-    estimator = DepthFromMotion(Intrinsics(60, 60, 30, 20))
+    estimator = DepthFromMotion(Pinhole(60, 60, 30, 20))
     estimator.start(np.zeros((40, 60), np.uint8))
     with pytest.raises(ImageError, match=complaint) as caught:
         estimator.step(second, STEP)
@@ -146,11 +146,11 @@ def test_pictures_that_do_not_fit_are_refused_in_one_line(second: np.ndarray, co
 
 def test_step_before_start_is_refused() -> None:
     with pytest.raises(ImageError, match="start"):
-        DepthFromMotion(Intrinsics(60, 60, 30, 20)).step(np.zeros((40, 60), np.uint8), STEP)
+        DepthFromMotion(Pinhole(60, 60, 30, 20)).step(np.zeros((40, 60), np.uint8), STEP)
 
 
 def test_pictures_without_texture_do_not_make_the_estimator_sure() -> None:
-    estimator = DepthFromMotion(Intrinsics(60, 60, 30, 20))
+    estimator = DepthFromMotion(Pinhole(60, 60, 30, 20))
     estimator.start(np.full((40, 60), 90, np.uint8))
     found = estimator.step(np.full((40, 60), 90, np.uint8), STEP)
     unknown = np.isnan(found.state.value)

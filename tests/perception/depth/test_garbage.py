@@ -8,8 +8,8 @@ import pytest
 
 from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import PRESETS
 
 Random = np.random.Generator
@@ -32,7 +32,7 @@ def test_any_pictures_with_any_motion_give_a_map_with_variances(preset: str, cas
         height, width = (int(side) for side in rng.integers(16, 120, 2))
         focal = width * rng.uniform(0.3, 3, 2)
         centre = width * rng.uniform(-1, 2) if case % 5 == 0 else width / 2
-        camera = Intrinsics(float(focal[0]), float(focal[1]), float(centre), height / 2)
+        camera = Pinhole(float(focal[0]), float(focal[1]), float(centre), height / 2)
         estimator = DepthFromMotion(camera, PRESETS[preset], anchored=case % 3 == 0)
         estimator.start(PICTURES[kind](rng, (height, width)))
         for _ in range(3):
@@ -45,6 +45,6 @@ def test_any_pictures_with_any_motion_give_a_map_with_variances(preset: str, cas
 
 
 def test_a_picture_that_holds_no_window_is_refused() -> None:
-    estimator = DepthFromMotion(Intrinsics(50, 50, 20, 5))
+    estimator = DepthFromMotion(Pinhole(50, 50, 20, 5))
     with pytest.raises(ImageError, match="a picture of 40×10: at least 16×16 are needed"):
         estimator.start(np.zeros((10, 40), np.uint8))

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.image.plane_warp import find_shift, shift_picture, warp_picture
 
-CAMERA = Intrinsics(100.0, 90.0, 31.5, 23.5)
+CAMERA = Pinhole(100.0, 90.0, 31.5, 23.5)
 
 
 def homography(way: tuple[float, float, float], turn: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.camera.intrinsics import Intrinsics as Lens
-from perception.depth.errors import ConfigError
+from perception.camera.intrinsics import Intrinsics
+from perception.depth.errors import OptionError
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.files.lens import pinhole, read_lens, straighten
 from tools.depth_scenes import slanted_plane
@@ -15,7 +15,7 @@ from tools.depth_scenes import slanted_plane
 PINHOLE = "fx = 200.0\nfy = 201.0\ncx = 79.5\ncy = 59.5\n"
 
 
-def read(tmp_path: Path, text: str) -> Lens:
+def read(tmp_path: Path, text: str) -> Intrinsics:
     path = tmp_path / "camera.toml"
     path.write_text(text)
     return read_lens(path, (160, 120))
@@ -62,6 +62,6 @@ def test_depth_through_a_bent_lens_is_as_right_as_through_a_straight_one(tmp_pat
     ],
 )
 def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, told: str) -> None:
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(OptionError) as error:
         read(tmp_path, text)
     assert str(error.value).startswith(f"{tmp_path / 'camera.toml'}: {told}")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from perception.depth.errors import ConfigError
+from perception.depth.errors import OptionError
 from perception.depth.files.output_folder import fill_whole
 
 
@@ -36,13 +36,13 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
         with fill_whole(tmp_path / "out"):
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(ConfigError, match=r"out: cannot be written \(No space left"):
+    with pytest.raises(OptionError, match=r"out: cannot be written \(No space left"):
         fill()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_is_not_replaced_by_a_folder(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(ConfigError, match="is no folder"), fill_whole(tmp_path / "out"):
+    with pytest.raises(OptionError, match="is no folder"), fill_whole(tmp_path / "out"):
         pass
     assert (tmp_path / "out").read_text() == "mine"

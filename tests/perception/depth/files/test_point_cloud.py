@@ -6,9 +6,9 @@ import numpy as np
 
 from perception.depth.files.point_cloud import write_ply
 from perception.depth.filter.inverse_depth import InverseDepth
-from perception.depth.geometry.intrinsics import Intrinsics
+from perception.depth.geometry.pinhole import Pinhole
 
-CAMERA = Intrinsics(100.0, 50.0, 1.0, 0.0)
+CAMERA = Pinhole(100.0, 50.0, 1.0, 0.0)
 VERTEX = np.dtype("<f4,<f4,<f4,u1,u1,u1")
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.depth.errors import ConfigError
+from perception.depth.errors import OptionError
 from perception.depth.files.reference import read_reference
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.program.accuracy import compare
@@ -37,20 +37,20 @@ def test_own_arrays_are_depths_in_metres(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_named(tmp_path: Path, name: str) -> None:
     if name.startswith("torn"):
         (tmp_path / name).write_bytes(b"PK\x03\x04 torn")
-    with pytest.raises(ConfigError, match=name):
+    with pytest.raises(OptionError, match=name):
         read_reference(tmp_path / name, 1.0, None)
 
 
 def test_an_archive_without_a_depth_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "d.npz", a=np.ones((1, 1)), b=np.ones((1, 1)))
-    with pytest.raises(ConfigError, match="depth"):
+    with pytest.raises(OptionError, match="depth"):
         read_reference(tmp_path / "d.npz", 1.0, None)
 
 
 @pytest.mark.parametrize(("scale", "worth"), [(0.0, None), (-1.0, None), (1.0, 0.0), (float("nan"), None)])
 def test_a_scale_that_is_not_positive_is_refused(tmp_path: Path, scale: float, worth: float | None) -> None:
     np.save(tmp_path / "d.npy", np.ones((1, 1)))
-    with pytest.raises(ConfigError, match="above 0 is needed"):
+    with pytest.raises(OptionError, match="above 0 is needed"):
         read_reference(tmp_path / "d.npy", scale, worth)
 
 

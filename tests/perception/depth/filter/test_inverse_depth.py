@@ -6,12 +6,12 @@ import pytest
 from perception.depth.filter.carry import carry_map
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.refine.voids import fill_voids
 from perception.depth.thesis.warp import warp_map
 
-CAMERA = Intrinsics(100.0, 100.0, 31.5, 23.5)
+CAMERA = Pinhole(100.0, 100.0, 31.5, 23.5)
 SHAPE = (48, 64)
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 
-CAMERA = Intrinsics(120.0, 110.0, 30.5, 22.0)
+CAMERA = Pinhole(120.0, 110.0, 30.5, 22.0)
 SHAPE = (45, 62)
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from perception.depth.errors import MotionError
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 
-UNIT = Intrinsics(1.0, 1.0, 0.0, 0.0)
+UNIT = Pinhole(1.0, 1.0, 0.0, 0.0)
 
 
 def test_a_motion_is_integrated_exactly_over_a_large_turn():
@@ -59,7 +59,7 @@ def test_a_matrix_that_is_no_rotation_is_refused():
 
 
 def test_a_point_goes_where_the_pinhole_camera_puts_it():
-    camera = Intrinsics(200.0, 210.0, 79.5, 59.5)
+    camera = Pinhole(200.0, 210.0, 79.5, 59.5)
     motion = Motion(cv2.Rodrigues(np.array([0.05, -0.1, 0.2]))[0], np.array([0.2, -0.1, 0.3]))
     depth = np.float32(2.5)
     projection = Epipolar(camera, motion, (120, 160)).project(np.float32(1 / depth))
@@ -73,7 +73,7 @@ def test_a_point_goes_where_the_pinhole_camera_puts_it():
 
 
 def test_the_slope_is_the_derivative_of_the_projection():
-    camera = Intrinsics(200.0, 200.0, 79.5, 59.5)
+    camera = Pinhole(200.0, 200.0, 79.5, 59.5)
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.1, 0.05, 0.2])), (120, 160))
     here, near = geometry.project(0.5), geometry.project(0.501)
     numeric = (near.x - here.x) / 0.001
@@ -82,7 +82,7 @@ def test_the_slope_is_the_derivative_of_the_projection():
 
 
 def test_no_pixel_jumps_by_more_than_a_step_between_two_planes():
-    camera = Intrinsics(300.0, 300.0, 159.5, 119.5)
+    camera = Pinhole(300.0, 300.0, 159.5, 119.5)
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.1, 0, 0.02])), (240, 320))
     planes = geometry.planes(0.1, 1.0)
     steps = [geometry.parallax(float(b), float(a)) for a, b in pairwise(planes)]

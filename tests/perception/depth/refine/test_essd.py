@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.match.contrast import soften
 from perception.depth.refine.essd import BaseWindow, Window, sample_surface
 from perception.depth.settings import Equalisation
@@ -51,7 +51,7 @@ def test_the_tent_averages_noise_like_the_window_of_the_thesis():
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])
 def test_the_disparity_is_measured_below_the_pixel(angle):
-    camera = Intrinsics(100.0, 100.0, 39.5, 29.5)
+    camera = Pinhole(100.0, 100.0, 39.5, 29.5)
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80))
     base, other = (pattern(angle, shift) + 0.7 * pattern(angle + 1.3, shift) for shift in (0.0, 2.3))
     window = BaseWindow(base, 4, Window.TENT)
@@ -65,7 +65,7 @@ def test_the_disparity_is_measured_below_the_pixel(angle):
 @pytest.mark.parametrize("off", [-0.3, 0.1, 0.3])
 def test_a_step_leaves_a_hundredth_of_what_it_began_with(off):
     geometry = Epipolar(
-        Intrinsics(100.0, 100.0, 39.5, 29.5), Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80)
+        Pinhole(100.0, 100.0, 39.5, 29.5), Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80)
     )
     x = np.arange(80)
     rng = np.random.default_rng(2)
@@ -81,7 +81,7 @@ def test_a_step_leaves_a_hundredth_of_what_it_began_with(off):
 
 
 def test_an_edge_along_the_motion_says_nothing_about_depth():
-    camera = Intrinsics(100.0, 100.0, 39.5, 29.5)
+    camera = Pinhole(100.0, 100.0, 39.5, 29.5)
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80))
     spread = []
     rng = np.random.default_rng(1)

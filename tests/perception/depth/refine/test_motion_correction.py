@@ -8,8 +8,8 @@ import pytest
 
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.intrinsics import Intrinsics
 from perception.depth.geometry.motion import Motion
+from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.match.coarse_match import match_coarsely
 from perception.depth.match.search_range import widest_range
 from perception.depth.match.view import View
@@ -37,7 +37,7 @@ def correct(table: Sequence, motion: Motion) -> Correction:
 
 
 def test_the_jacobian_is_the_difference_of_two_projections() -> None:
-    camera = Intrinsics(200.0, 210.0, 79.5, 59.5)
+    camera = Pinhole(200.0, 210.0, 79.5, 59.5)
     motion = disturbed(Motion.identity(), (0.02, -0.05, 0.1), (0.1, -0.05, 0.2))
     column, row, inverse_depth = np.array([10.0, 150.0]), np.array([100.0, 20.0]), np.array([0.5, 1.3])
     found = motion_jacobian(Epipolar(camera, motion, (120, 160)), inverse_depth, column, row)
