@@ -18,7 +18,7 @@ from perception.depth.match.search_range import expected_range, widest_range, wi
 from perception.depth.match.view import View
 from perception.depth.matching import match_pair
 from perception.depth.refine.motion_correction import correct_motion
-from perception.depth.settings import DEFAULT, Settings
+from perception.depth.settings import DEFAULT, DepthSettings
 from perception.depth.thesis.literal_match import match_literally
 from perception.depth.thesis.warp import warp_map
 from perception.image.memory import keep_freed_memory
@@ -78,7 +78,7 @@ class DepthFromMotion:
     picture is the first one and the map stays in its view.
     """
 
-    def __init__(self, camera: Pinhole, settings: Settings = DEFAULT, anchored: bool = False) -> None:
+    def __init__(self, camera: Pinhole, settings: DepthSettings = DEFAULT, anchored: bool = False) -> None:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored

@@ -17,7 +17,7 @@ from perception.depth.refine.outline import HALO as OUTLINE_HALO
 from perception.depth.refine.outline import align_outlines
 from perception.depth.refine.refinement import refine
 from perception.depth.refine.voids import fill_voids
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, join_bands
 from perception.image.select import select
 
@@ -73,7 +73,7 @@ def match_pair(
     lowest: float,
     highest: float,
     predicted: InverseDepth,
-    settings: Settings,
+    settings: DepthSettings,
     motion_error_px: float = 0.0,
 ) -> Match:
     """Match the base picture with the other one and regularise.

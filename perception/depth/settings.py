@@ -16,7 +16,7 @@ class Equalisation(Enum):
 
 
 @dataclass(frozen=True)
-class Settings:
+class DepthSettings:
     """The estimator's settings; lengths in metres and pixels of the finest level."""
 
     near: float = 0.1
@@ -83,9 +83,9 @@ class Settings:
             raise OptionError(f"levels = {self.levels}: 1 to 6 levels")
 
 
-DEFAULT = Settings()
+DEFAULT = DepthSettings()
 
-THESIS = Settings(
+THESIS = DepthSettings(
     literal=True,
     equalisation=Equalisation.MEAN_RATIO,
     epipolar_weight=5.0,

@@ -9,7 +9,7 @@ import numpy as np
 
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.geometry.motion import Motion
-from perception.depth.settings import DEFAULT, PRESETS, Settings
+from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS, dim
 from tools.depth.peers import Field, bad_percent, fill_from_left, match_bm, match_sgbm
 from tools.depth.pictures import Image, Views
@@ -28,7 +28,7 @@ PEERS: dict[str, Callable[[Image, Image, int], Field]] = {
 MIDDLE_PX = {"Tsukuba": 8.0, "Cones": 30.0}
 
 
-def lateral(preset: str, name: str) -> Settings:
+def lateral(preset: str, name: str) -> DepthSettings:
     """A preset for views whose inverse depth is their disparity: 0 to 64 px are searched, in both pictures alike."""
     settings = replace(PRESETS[preset], near=1 / 64, far=1e4)
     return replace(settings, start_depth=1 / MIDDLE_PX[name]) if settings.literal else settings

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from perception.depth.estimator import DepthMap
-from perception.depth.settings import DEFAULT, PRESETS, Settings
+from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
 from tools.depth.score import Mask, run_sequence, score_frames
@@ -17,7 +17,7 @@ SURE_START_M = {"plane": 2.0, "table-top": 1.6, "sea bed": 11.0, "stripes": 1.8}
 """Where the thesis's preset begins; the default needs no start."""
 
 
-def chosen(preset: str, sequence: Sequence) -> Settings:
+def chosen(preset: str, sequence: Sequence) -> DepthSettings:
     """A preset for a rendered scene."""
     settings = PRESETS[preset]
     return replace(settings, start_depth=SURE_START_M[sequence.name]) if settings.literal else settings

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.estimator import DepthFromMotion, DepthMap
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from tools.depth.peers import bad_percent
 from tools.depth.pictures import Image, Views
 from tools.depth_scenes import Sequence
@@ -67,7 +67,7 @@ def score_frames(sequence: Sequence, maps: list[DepthMap], where: list[Mask] | N
     ]
 
 
-def run_sequence(sequence: Sequence, settings: Settings) -> list[DepthMap]:
+def run_sequence(sequence: Sequence, settings: DepthSettings) -> list[DepthMap]:
     """The maps after the second, third, … picture, each in the view of its picture."""
     estimator = DepthFromMotion(sequence.camera, settings)
     estimator.start(sequence.images[0])
@@ -75,7 +75,7 @@ def run_sequence(sequence: Sequence, settings: Settings) -> list[DepthMap]:
     return [estimator.step(image, motion) for image, motion in pairs]
 
 
-def cover_sequence(sequence: Sequence, settings: Settings) -> tuple[float, float]:
+def cover_sequence(sequence: Sequence, settings: DepthSettings) -> tuple[float, float]:
     """Per cent of the errors of all maps within 1 and 1.96 stated deviations."""
     scores = score_frames(sequence, run_sequence(sequence, settings))
     # maps of one size: the mean of their coverages is that of all their errors
@@ -85,7 +85,7 @@ def cover_sequence(sequence: Sequence, settings: Settings) -> tuple[float, float
 def run_views(
     views: Views,
     order: Series[int],
-    settings: Settings,
+    settings: DepthSettings,
     anchored: bool = False,
     images: list[Image] | None = None,
 ) -> list[DepthMap]:

@@ -10,7 +10,7 @@ from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.match.sweep_choice import Choice, choose_planes
 from perception.depth.match.view import View
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.quantile import quantiles
 
 COSTLY = 0.22
@@ -50,7 +50,7 @@ class CoarseMatch:
 
 
 def match_coarsely(
-    base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: Settings
+    base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: DepthSettings
 ) -> CoarseMatch:
     """Choose a plane for every pixel of the coarsest level, by these two pictures alone.
 
@@ -67,7 +67,7 @@ def match_coarsely(
 
 
 def match_turned(
-    base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: Settings
+    base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: DepthSettings
 ) -> tuple[CoarseMatch, float]:
     """The same, the other camera turned about its baseline until the pictures match when they do not as they are.
 

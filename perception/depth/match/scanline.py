@@ -18,7 +18,7 @@ Costs = NDArray[np.uint8]
 """Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""
 Volume = NDArray[np.int16]
 """Sums of four strings, planes × height × width."""
-Row = NDArray[np.int16]
+Planes = NDArray[np.int16]
 
 
 def jump_costs(guide: NDArray[np.float32], jump: int, least: int, contrast: float) -> tuple[Costs, Costs]:
@@ -123,7 +123,7 @@ def hear_neighbours(costs: Costs, total: Volume, most: int) -> Costs:
     return mixed
 
 
-def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
+def choose(total: Volume) -> tuple[Planes, NDArray[np.float32]]:
     """The cheapest plane of every pixel, and its place between the planes by a parabola (2.9), (2.10).
 
     Returns:
@@ -131,7 +131,7 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
     """
     count, height, width = total.shape
 
-    def search(band: Band) -> tuple[Row, NDArray[np.float32]]:
+    def search(band: Band) -> tuple[Planes, NDArray[np.float32]]:
         plane = cheapest(total[:, band.inner])
         middle = np.clip(plane, 1, count - 2)
         place, flat = _places(total, middle, band.inner.start), total.reshape(-1)
@@ -147,9 +147,9 @@ def choose(total: Volume) -> tuple[Row, NDArray[np.float32]]:
     return plane, place
 
 
-def cheapest(costs: Volume) -> Row:
+def cheapest(costs: Volume) -> Planes:
     """The number of the cheapest plane, the first of equals; costs planes × height × width, result height × width."""
-    least: Row = np.minimum.reduce(costs, axis=0)
+    least: Planes = np.minimum.reduce(costs, axis=0)
     plane, number = np.zeros_like(least), np.empty_like(least)
     for k in range(len(costs) - 1, -1, -1):
         number.fill(k)
@@ -157,12 +157,12 @@ def cheapest(costs: Volume) -> Row:
     return plane
 
 
-def pick(volume: NDArray[Any], plane: Row, top: int = 0) -> NDArray[Any]:
+def pick(volume: NDArray[Any], plane: Planes, top: int = 0) -> NDArray[Any]:
     """What a volume (planes × height × width) holds on one plane for every pixel of the rows from `top` on."""
     return np.take(volume.reshape(-1), _places(volume, plane, top))
 
 
-def _places(volume: NDArray[Any], plane: Row, top: int) -> NDArray[np.intp]:
+def _places(volume: NDArray[Any], plane: Planes, top: int) -> NDArray[np.intp]:
     _, height, width = volume.shape
     index = plane.astype(np.intp)
     index *= height * width

@@ -4,7 +4,7 @@ import numpy as np
 
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.quantile import quantiles
 
 Range = tuple[float, float]
@@ -17,7 +17,7 @@ KNOWN_PART = 0.4
 """A map that knows less than this part of its pixels leads to expect nothing."""
 
 
-def widest_range(geometry: Epipolar, settings: Settings) -> Range:
+def widest_range(geometry: Epipolar, settings: DepthSettings) -> Range:
     """From `far` to `near`, as far as the disparity stays below `WIDEST`."""
     lowest, highest = 1 / settings.far, 1 / settings.near
     widest = WIDEST * geometry.shape[1]

@@ -12,7 +12,7 @@ from perception.depth.match.consistency import agree, backward_planes, without_s
 from perception.depth.match.scanline import aggregate, choose, hear_neighbours, jump_costs, pick
 from perception.depth.match.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.match.view import View
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, join_bands
 from perception.image.pyramid import enlarge
 
@@ -45,7 +45,7 @@ def choose_planes(
     geometry: Epipolar,
     planes: NDArray[np.float64],
     predicted: InverseDepth,
-    settings: Settings,
+    settings: DepthSettings,
 ) -> Choice:
     """Choose a plane for every pixel of the base picture."""
     costs = alone = sweep_planes(base.slopes, other.slopes, geometry, planes)
@@ -90,7 +90,7 @@ def choose_on_affordable_level(
     lowest: float,
     highest: float,
     predicted: InverseDepth,
-    settings: Settings,
+    settings: DepthSettings,
 ) -> Choice:
     """Sweep between two inverse depths on the finest level of the pyramid that `max_hypotheses` allows.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from perception.depth.program.run import Request, Row
+    from perception.depth.program.run import RunOptions, TableRow
 
 app = typer.Typer(
     name="depth-from-motion",
@@ -85,7 +85,7 @@ def estimate(
 
     from perception.depth.errors import DepthError, OptionError
     from perception.depth.files.output_folder import fill_whole
-    from perception.depth.program.run import Request, make_plan
+    from perception.depth.program.run import RunOptions, make_plan
 
     try:
         numbers = None if order is None else tuple(int(number) for number in order.split(","))
@@ -93,7 +93,7 @@ def estimate(
         raise typer.BadParameter(
             f"{order!r} is no list of numbers like 1,2,5,4,3", param_hint="--order"
         ) from None
-    request = Request(
+    options = RunOptions(
         sequence,
         out,
         camera,
@@ -110,10 +110,10 @@ def estimate(
         reference_baseline,
     )
     try:
-        count = len(make_plan(request).motions)
+        count = len(make_plan(options).motions)
         with fill_whole(out) as stage:
             try:
-                rows = _run(replace(request, out=stage), count)
+                rows = _run(replace(options, out=stage), count)
             except OptionError as error:
                 # Nobody asked for the folder that is filled meanwhile.
                 raise OptionError(str(error).replace(str(stage), str(out))) from error
@@ -129,7 +129,7 @@ def estimate(
         _print(rows, out)
 
 
-def _run(request: "Request", count: int) -> list["Row"]:
+def _run(options: "RunOptions", count: int) -> list["TableRow"]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -137,11 +137,11 @@ def _run(request: "Request", count: int) -> list["Row"]:
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("depth", total=count)
         for row in run(
-            request, lambda text: console.print(text, style="yellow", highlight=False, soft_wrap=True)
+            options, lambda text: console.print(text, style="yellow", highlight=False, soft_wrap=True)
         ):
             rows.append(row)
             if row.remark:
@@ -150,7 +150,7 @@ def _run(request: "Request", count: int) -> list["Row"]:
     return rows
 
 
-def _print(rows: list["Row"], out: Path) -> None:
+def _print(rows: list["TableRow"], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -181,7 +181,7 @@ def _print(rows: list["Row"], out: Path) -> None:
     console.print(f"maps, pictures, cloud.ply and table.csv are in {out}", highlight=False)
 
 
-def _document(rows: list["Row"], out: Path) -> dict[str, Any]:
+def _document(rows: list["TableRow"], out: Path) -> dict[str, Any]:
     from dataclasses import asdict
 
     def plain(value: Any) -> Any:

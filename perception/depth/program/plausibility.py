@@ -7,7 +7,7 @@ from perception.depth.estimator import LEAST_PARALLAX_PX, DepthMap
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 
 FAR_PART = 0.25
 """A point at `far` that moves by more than this part of the picture's width is not where the motion says."""
@@ -20,7 +20,7 @@ END = 1.25
 
 
 def check_motion(
-    camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: Settings, names: tuple[str, str]
+    camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: DepthSettings, names: tuple[str, str]
 ) -> None:
     """Refuse a motion that no scene between `near` and `far` could show.
 
@@ -48,7 +48,9 @@ def check_motion(
         )
 
 
-def explain_no_parallax(camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: Settings) -> str:
+def explain_no_parallax(
+    camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: DepthSettings
+) -> str:
     """Why no depth follows from a motion that the estimator only carried the map along with."""
     if motion.distance == 0:
         if motion.angle == 0:
@@ -63,7 +65,7 @@ def explain_no_parallax(camera: Pinhole, motion: Motion, shape: tuple[int, int],
     )
 
 
-def doubt(result: DepthMap, settings: Settings) -> str | None:
+def doubt(result: DepthMap, settings: DepthSettings) -> str | None:
     """A sentence when the match itself says that pictures and motion do not belong together."""
     value, variance = result.state.value, result.state.variance
     known = np.isfinite(value) & (value > 0)

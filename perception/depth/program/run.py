@@ -23,15 +23,15 @@ from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.program.accuracy import Accuracy, compare
 from perception.depth.program.plausibility import check_motion, doubt, explain_no_parallax
-from perception.depth.settings import PRESETS, Settings
+from perception.depth.settings import PRESETS, DepthSettings
 
 Matrix = NDArray[np.float64]
 MOTION_NAMES = ("motion.csv", "groundtruth.txt", "poses.txt")
 
 
 @dataclass(frozen=True)
-class Request:
-    """What was asked on the command line; pictures are counted from 1."""
+class RunOptions:
+    """The options of a run; images are counted from 1."""
 
     sequence: Path
     out: Path
@@ -50,7 +50,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """One picture in the table."""
 
     picture: str
@@ -75,36 +75,36 @@ class Plan:
     anchored: bool
 
 
-def settings_of(request: Request) -> Settings:
+def settings_of(options: RunOptions) -> DepthSettings:
     """The preset with what was changed of it.
 
     Raises:
         OptionError: there is no such preset, or near and far are no range.
     """
-    if request.preset not in PRESETS:
-        raise OptionError(f"no preset {request.preset!r}; there is {', '.join(PRESETS)}")
-    changes = {name: getattr(request, name) for name in ("near", "far", "start_depth")}
+    if options.preset not in PRESETS:
+        raise OptionError(f"no preset {options.preset!r}; there is {', '.join(PRESETS)}")
+    changes = {name: getattr(options, name) for name in ("near", "far", "start_depth")}
     return replace(
-        PRESETS[request.preset], **{name: value for name, value in changes.items() if value is not None}
+        PRESETS[options.preset], **{name: value for name, value in changes.items() if value is not None}
     )
 
 
-def make_plan(request: Request) -> Plan:
+def make_plan(options: RunOptions) -> Plan:
     """Find pictures and motion and bring them into order.
 
     Raises:
         ImageError, MotionError, OptionError: what is missing or wrong.
     """
-    pictures = [path for path in list_pictures(request.sequence) if path != request.reference]
-    folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
-    motion = request.motion or next(
+    pictures = [path for path in list_pictures(options.sequence) if path != options.reference]
+    folder = options.sequence if options.sequence.is_dir() else options.sequence.parent
+    motion = options.motion or next(
         (folder / name for name in MOTION_NAMES if (folder / name).is_file()), None
     )
     if motion is None:
         raise MotionError(f"{folder}: no motion given, and none of {', '.join(MOTION_NAMES)} is there")
-    poses = read_poses(motion, pictures, request.motion_format)
-    order = list(request.order or range(1, len(pictures) + 1))
-    frame = request.reference_frame
+    poses = read_poses(motion, pictures, options.motion_format)
+    order = list(options.order or range(1, len(pictures) + 1))
+    frame = options.reference_frame
     for number in (*order, *(() if frame is None else (frame,))):
         if not 1 <= number <= len(pictures):
             raise OptionError(f"picture {number}: there are 1 to {len(pictures)}")
@@ -118,10 +118,10 @@ def make_plan(request: Request) -> Plan:
     return Plan([pictures[i] for i in chosen], motions, frame is not None)
 
 
-def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], None]) -> Intrinsics:
+def find_lens(options: RunOptions, shape: tuple[int, int], warn: Callable[[str], None]) -> Intrinsics:
     """The lens of the camera file that was given or lies beside the pictures; else a guess, which is said."""
-    folder = request.sequence if request.sequence.is_dir() else request.sequence.parent
-    path = request.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
+    folder = options.sequence if options.sequence.is_dir() else options.sequence.parent
+    path = options.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
     height, width = shape
     if path is not None:
         return read_lens(path, (width, height))
@@ -130,22 +130,22 @@ def find_lens(request: Request, shape: tuple[int, int], warn: Callable[[str], No
     return Intrinsics(width, height, guess.fx, guess.fy, guess.cx, guess.cy)
 
 
-def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
+def run(options: RunOptions, warn: Callable[[str], None]) -> Iterator[TableRow]:
     """Run the sequence, write its files, and give a row after every picture but the first.
 
     Raises:
         DepthError: the first thing that is wrong, in one line.
     """
-    settings, plan = settings_of(request), make_plan(request)
+    settings, plan = settings_of(options), make_plan(options)
     first = read_picture(plan.pictures[0])
     shape = (first.shape[0], first.shape[1])
-    lens = find_lens(request, shape, warn)
+    lens = find_lens(options, shape, warn)
     camera, first = pinhole(lens), straighten(lens, first)
-    worth = None if request.reference_baseline is None else camera.fx * request.reference_baseline
+    worth = None if options.reference_baseline is None else camera.fx * options.reference_baseline
     truth = (
         None
-        if request.reference is None
-        else read_reference(request.reference, request.reference_scale, worth)
+        if options.reference is None
+        else read_reference(options.reference, options.reference_scale, worth)
     )
     for name, kept, motion in zip(
         plan.pictures[1:],
@@ -154,7 +154,7 @@ def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
         strict=False,
     ):
         check_motion(camera, motion, shape, settings, (kept.name, name.name))
-    request.out.mkdir(parents=True, exist_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
     estimator = DepthFromMotion(camera, settings, plan.anchored)
     estimator.start(first)
     rows, image, result = [], first, None
@@ -175,31 +175,33 @@ def run(request: Request, warn: Callable[[str], None]) -> Iterator[Row]:
         last = path == plan.pictures[-1]
         accuracy = None
         if truth is not None and (plan.anchored or last):
-            accuracy = _compare(result, truth, worth, request)
+            accuracy = _compare(result, truth, worth, options)
         row = _row(path.name, motion, result, seconds, accuracy, remark)
         rows.append(row)
-        _write_map(request.out, path.stem, result)
+        _write_map(options.out, path.stem, result)
         yield row
     if result is None or not any(np.isfinite(row.median_depth_m) for row in rows):
         raise MotionError(f"no depth at all: {rows[-1].remark or 'nothing could be matched'}")
-    write_ply(request.out / "cloud.ply", camera, result.state, image)
-    _write_table(request.out / "table.csv", rows)
+    write_ply(options.out / "cloud.ply", camera, result.state, image)
+    _write_table(options.out / "table.csv", rows)
 
 
-def _compare(result: DepthMap, truth: NDArray[np.float32], worth: float | None, request: Request) -> Accuracy:
+def _compare(
+    result: DepthMap, truth: NDArray[np.float32], worth: float | None, options: RunOptions
+) -> Accuracy:
     try:
         return compare(result.state, truth, worth)
     except ValueError as error:
-        raise OptionError(f"{request.reference}: {error}") from error
+        raise OptionError(f"{options.reference}: {error}") from error
 
 
 def _row(
     name: str, motion: Motion, result: DepthMap, seconds: float, accuracy: Accuracy | None, remark: str | None
-) -> Row:
+) -> TableRow:
     value, variance = result.state.value, result.state.variance
     known = np.isfinite(value) & (value > 0)
     nan = float("nan")
-    return Row(
+    return TableRow(
         name,
         motion.distance,
         float(np.degrees(motion.angle)),
@@ -224,10 +226,10 @@ def _write_map(folder: Path, stem: str, result: DepthMap) -> None:
         raise OptionError(f"{folder}: cannot be written ({error.strerror or error})") from error
 
 
-def _write_table(path: Path, rows: list[Row]) -> None:
+def _write_table(path: Path, rows: list[TableRow]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        plain = [name for name in Row.__dataclass_fields__ if name != "accuracy"]
+        plain = [name for name in TableRow.__dataclass_fields__ if name != "accuracy"]
         judged = list(Accuracy.__dataclass_fields__)
         writer.writerow(plain + judged)
         for row in rows:

@@ -16,7 +16,7 @@ from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.match.coarse_match import CoarseMatch
 from perception.depth.refine.essd import BaseWindow, Window, noise_power, sample_surface
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.quantile import median, robust_deviation
 
 Field = NDArray[np.float32]
@@ -78,7 +78,7 @@ class _Strays:
         return motion_jacobian(self.geometry, self.inverse_depth, self.column, self.row)
 
 
-def correct_motion(coarse: CoarseMatch, settings: Settings) -> Correction:
+def correct_motion(coarse: CoarseMatch, settings: DepthSettings) -> Correction:
     """Estimate (ω, τ) from the strays v of a coarse match: minimise Σ w (v − n·J (ω, τ))² + Σ ω²/σ_ω² + Σ τ²/σ_τ².
 
     n is across the line, J = ∂(x', y')/∂(ω, τ), w falls for outliers (Cauchy). Each of the six is expected to
@@ -144,7 +144,7 @@ def motion_jacobian(geometry: Epipolar, inverse_depth: Vector, column: Vector, r
     return np.asarray(focal * (moved[:, :2] - place * moved[:, 2:]) / scale)
 
 
-def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: Settings) -> _Strays:
+def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSettings) -> _Strays:
     base, other, choice = coarse.base, coarse.other, coarse.choice
     window = BaseWindow(base.soft, settings.window_radius, Window.TENT)
     projection = geometry.project(choice.inverse_depth)

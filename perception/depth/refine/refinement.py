@@ -11,7 +11,7 @@ from perception.depth.match.contrast import soften
 from perception.depth.match.view import View
 from perception.depth.refine.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.refine.flatten import flatten_whole
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, bands, join_bands, share
 from perception.image.interpolation import Between
 from perception.image.quantile import known_median, median, robust_deviation
@@ -61,7 +61,7 @@ def refine(
     geometry: Epipolar,
     disparity: Field,
     spacing: np.float32,
-    settings: Settings,
+    settings: DepthSettings,
     motion_error_px: float = 0.0,
 ) -> Refinement:
     """Measure what is left of the disparity on the error surface (2.8).
@@ -118,7 +118,7 @@ def _first_step(
     geometry: Epipolar,
     disparity: Field,
     spacing: np.float32,
-    settings: Settings,
+    settings: DepthSettings,
 ) -> Field:
     """The step to the minimum, found at every second pixel, in planes; 0 where none is within half a pixel."""
     height, width = shape = geometry.shape
@@ -150,7 +150,7 @@ def _thin_rows(rows: slice, step: int) -> slice:
     return slice(rows.start // step, -(-rows.stop // step))
 
 
-def line_weight(value: Field, window: BaseWindow, settings: Settings) -> Field:
+def line_weight(value: Field, window: BaseWindow, settings: DepthSettings) -> Field:
     """λ_ep = s²/σ_ep² of the soft epipolar term."""
     return noise_power(value, window) / np.float32(settings.epipolar_std_px**2)
 

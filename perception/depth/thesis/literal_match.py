@@ -16,7 +16,7 @@ from perception.depth.geometry.epipolar import Epipolar, Projection
 from perception.depth.refine.essd import BaseWindow
 from perception.depth.refine.membrane import Springs, relax_membrane, relaxed_variance
 from perception.depth.refine.parabola import disparity_variance, fit_parabola
-from perception.depth.settings import Settings
+from perception.depth.settings import DepthSettings
 from perception.image.pyramid import build_pyramid, enlarge
 from perception.image.quantile import quantiles
 
@@ -37,7 +37,7 @@ class Displacements:
 
 
 def match_literally(
-    base: Field, other: Field, geometry: Epipolar, predicted: InverseDepth, settings: Settings
+    base: Field, other: Field, geometry: Epipolar, predicted: InverseDepth, settings: DepthSettings
 ) -> InverseDepth:
     """Inverse depth measured by one pair, (2.22): ρ = ρ̂ + cᵀQ⁻¹(d − d̂)/cᵀQ⁻¹c with variance 1/cᵀQ⁻¹c.
 
@@ -75,7 +75,7 @@ def match_literally(
     )
 
 
-def _reach(geometry: Epipolar, predicted: Projection, settings: Settings) -> int:
+def _reach(geometry: Epipolar, predicted: Projection, settings: DepthSettings) -> int:
     """Half the side of the region that holds all depths between `near` and `far`."""
     widest = 1.0
     for rho in (1 / settings.near, 1 / settings.far):
@@ -88,7 +88,7 @@ def _reach(geometry: Epipolar, predicted: Projection, settings: Settings) -> int
 
 
 def _search(
-    base: Field, other: Field, projection: Projection, u: Field, v: Field, reach: int, settings: Settings
+    base: Field, other: Field, projection: Projection, u: Field, v: Field, reach: int, settings: DepthSettings
 ) -> Displacements:
     """Whole displacements around (u, v), two parabolas at the best, and the membrane; ESSD (2.7), (2.8)."""
     window = BaseWindow(base, settings.window_radius)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.depth.settings import DEFAULT, PRESETS, Settings
+from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
 from tools.depth.score import run_sequence
@@ -17,7 +17,7 @@ def table() -> Sequence:
     return table_top(frames=4, size=(160, 120))
 
 
-def bad_2(sequence: Sequence, light: str, settings: Settings) -> float:
+def bad_2(sequence: Sequence, light: str, settings: DepthSettings) -> float:
     """Per cent of the pixels whose disparity over the way so far errs by more than 2 px."""
     change = LIGHTS[light]
     lit = replace(sequence, images=[change(image, k) for k, image in enumerate(sequence.images)])
@@ -38,7 +38,7 @@ def test_default_in_steady_light_is_right(table: Sequence) -> None:
     assert bad_2(table, "none", DEFAULT) < 10
 
 
-def thesis(name: str) -> Settings:
+def thesis(name: str) -> DepthSettings:
     return replace(PRESETS[name], start_depth=1.6)
 
 
