@@ -10,7 +10,7 @@ import numpy as np
 from medusa.calibration.head_geometry import EyeView, HeadView
 from medusa.head.joint_group import JointGroup
 from medusa.kinematics import Joints
-from perception.camera.calibration import Board, BoardView
+from perception.camera.calibration import BoardView, CalibrationBoard
 from perception.camera.errors import CameraError
 from perception.camera.frame import Camera, Frame
 from perception.camera.intrinsics import Intrinsics
@@ -48,7 +48,11 @@ def postures(count: int, *, pan: float, tilt: float, version: float, vergence: f
 
 
 async def collect_postures(
-    head: JointGroup, cameras: tuple[Camera, Camera], board: Board, wanted: Sequence[Joints], tell: Tell
+    head: JointGroup,
+    cameras: tuple[Camera, Camera],
+    board: CalibrationBoard,
+    wanted: Sequence[Joints],
+    tell: Tell,
 ) -> list[Posture]:
     """Move to each posture and look at the board from it, at rest."""
     seen = []
@@ -73,7 +77,7 @@ async def _next_pair(cameras: tuple[Camera, Camera], since: float) -> FramePair:
 
 
 async def collect_by_hand(
-    camera: Camera, board: Board, count: int, seconds: float, tell: Tell
+    camera: Camera, board: CalibrationBoard, count: int, seconds: float, tell: Tell
 ) -> list[BoardView]:
     """Different views of a board that somebody turns before one camera; as many as came within the time."""
     views: list[BoardView] = []

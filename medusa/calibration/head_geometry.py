@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from medusa.kinematics import Eye, HeadGeometry, Joints, camera_pose
-from perception.camera.errors import CalibrationError
+from perception.camera.errors import CameraCalibrationError
 
 Array = NDArray[np.float64]
 WORST_RESIDUAL = math.radians(0.3)
@@ -59,15 +59,17 @@ class HeadCalibration:
 def estimate_head(views: Sequence[HeadView], *, baseline: float = 0.130) -> HeadCalibration:
     """Least squares over all corners for baseline, optical centres, camera turns and the board's pose.
 
-    `baseline` [m] is where the search begins. Raises CalibrationError when there are too few views, when the
+    `baseline` [m] is where the search begins. Raises CameraCalibrationError when there are too few views, when the
     joints moved too little to tell the parameters apart, or when the residual is above 0.3°.
     """
     seen = [view for view in views if view.left is not None or view.right is not None]
     if len(seen) < LEAST_VIEWS:
-        raise CalibrationError(f"{len(seen)} views of the board are not enough, {LEAST_VIEWS} are needed")
+        raise CameraCalibrationError(
+            f"{len(seen)} views of the board are not enough, {LEAST_VIEWS} are needed"
+        )
     for eye in _EYES:
         if not any(getattr(view, eye) is not None for view in seen):
-            raise CalibrationError(f"the {eye} eye never saw the board")
+            raise CameraCalibrationError(f"the {eye} eye never saw the board")
     state = np.zeros(_FREE)
     state[0] = baseline
     state[13:] = _first_board_pose(seen, baseline)
@@ -77,17 +79,17 @@ def estimate_head(views: Sequence[HeadView], *, baseline: float = 0.130) -> Head
     deviations = _deviations(jacobian, residuals)
     offsets, turns = deviations[[1, 2, 3, 7, 8, 9]], deviations[[4, 5, 6, 10, 11, 12]]
     if not max(float(deviations[0]), float(offsets.max())) <= WORST_OFFSET_DEVIATION:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"the optical centres are uncertain by {1e3 * max(deviations[0], offsets.max()):.1f} mm (allowed: "
             f"{1e3 * WORST_OFFSET_DEVIATION:g} mm): move eyes, tilt and pan further, board nearer"
         )
     if not float(turns.max()) <= WORST_TURN_DEVIATION:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"the cameras' turns are uncertain by {math.degrees(turns.max()):.2f}° (allowed: "
             f"{math.degrees(WORST_TURN_DEVIATION):g}°): move tilt and eyes further"
         )
     if not _BASELINES[0] * 0.9 <= state[0] <= _BASELINES[1] * 1.1:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"a baseline of {1e3 * state[0]:.0f} mm came out, the head has {1e3 * _BASELINES[0]:.0f} to "
             f"{1e3 * _BASELINES[1]:.0f} mm: is the size of the board's squares right?"
         )
@@ -182,7 +184,7 @@ def _deviations(jacobian: Array, residuals: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-18))
     values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     if values[0] < 1e-10 * values[-1]:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             "the views do not tell baseline, centres and turns apart: eyes, tilt and pan must all move"
         )
     inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
@@ -206,7 +208,7 @@ def _first_board_pose(views: Sequence[HeadView], baseline: float) -> Array:
     joints, eye, part = best
     got, turn, place = cv2.solvePnP(part.points, part.tangents, np.eye(3), np.zeros(5))
     if not got:
-        raise CalibrationError("the board's pose cannot be found in the view with most corners")
+        raise CameraCalibrationError("the board's pose cannot be found in the view with most corners")
     rotation, centre = camera_pose(HeadGeometry(baseline), joints, eye)
     pose = rotation @ turn_matrix(np.asarray(turn, float).ravel())
     vector, _ = cv2.Rodrigues(pose)
@@ -215,7 +217,7 @@ def _first_board_pose(views: Sequence[HeadView], baseline: float) -> Array:
 
 def _check_residual(residual: float) -> None:
     if residual > WORST_RESIDUAL:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"corners are seen {math.degrees(residual):.2f}° from where the fitted head would see them, more "
             f"than {math.degrees(WORST_RESIDUAL):g}°: is every axis homed, its counts per radian right, and "
             "the board at rest?"

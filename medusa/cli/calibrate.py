@@ -12,7 +12,7 @@ from medusa.console import print_table
 
 if TYPE_CHECKING:
     from medusa.calibration.head_geometry import HeadCalibration
-    from perception.camera.calibration import Board, BoardView, IntrinsicsCalibration
+    from perception.camera.calibration import BoardView, CalibrationBoard, IntrinsicsCalibration
 
 
 def register(app: typer.Typer) -> None:
@@ -48,9 +48,9 @@ def calibrate(
 
     async def body() -> dict[str, Any]:
         from medusa.errors import CommandError
-        from perception.camera.calibration import Board
+        from perception.camera.calibration import CalibrationBoard
 
-        board = Board(columns, rows, square * 1e-3, marker * 1e-3, dictionary)
+        board = CalibrationBoard(columns, rows, square * 1e-3, marker * 1e-3, dictionary)
         if draw:
             return {"board": _draw(board, Path(draw))}
         if options.sim and not head:
@@ -68,7 +68,7 @@ def calibrate(
     options.show(document, lambda: print_table("calibration", _rows(document)))
 
 
-def _draw(board: "Board", path: Path) -> str:
+def _draw(board: "CalibrationBoard", path: Path) -> str:
     import cv2
 
     from medusa.errors import CommandError
@@ -83,8 +83,8 @@ def _draw(board: "Board", path: Path) -> str:
 
 
 async def _by_hand(
-    options: Options, stack: AsyncExitStack, board: "Board", names: tuple[str, str], count: int, seconds: float,
-    rate: float, out: Path,
+    options: Options, stack: AsyncExitStack, board: "CalibrationBoard", names: tuple[str, str], count: int,
+    seconds: float, rate: float, out: Path,
 ) -> dict[str, Any]:  # fmt: skip
     from medusa.calibration.board_views import collect_by_hand
     from perception.camera import CaptureSettings, open_camera
@@ -102,7 +102,7 @@ async def _by_hand(
 
 
 async def _by_head(
-    options: Options, stack: AsyncExitStack, board: "Board", names: tuple[str, str], count: int, turn: float,
+    options: Options, stack: AsyncExitStack, board: "CalibrationBoard", names: tuple[str, str], count: int, turn: float,
     rate: float, out: Path,
 ) -> dict[str, Any]:  # fmt: skip
     from medusa.calibration.board_views import collect_postures, head_views, postures

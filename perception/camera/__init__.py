@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from perception.exports import export
 
 if TYPE_CHECKING:
-    from perception.camera.calibration import Board as Board
     from perception.camera.calibration import BoardView as BoardView
+    from perception.camera.calibration import CalibrationBoard as CalibrationBoard
     from perception.camera.calibration import IntrinsicsCalibration as IntrinsicsCalibration
     from perception.camera.calibration import estimate_intrinsics as estimate_intrinsics
     from perception.camera.capture_messages import CaptureSettings as CaptureSettings
     from perception.camera.device import DeviceCamera as DeviceCamera
     from perception.camera.device import open_camera as open_camera
-    from perception.camera.errors import CalibrationError as CalibrationError
+    from perception.camera.errors import CameraCalibrationError as CameraCalibrationError
     from perception.camera.errors import CameraError as CameraError
     from perception.camera.errors import CameraLost as CameraLost
     from perception.camera.errors import CameraNotFound as CameraNotFound
@@ -35,10 +35,10 @@ else:
     __getattr__ = export(
         __name__,
         {
-            "calibration": "Board BoardView IntrinsicsCalibration estimate_intrinsics",
+            "calibration": "CalibrationBoard BoardView IntrinsicsCalibration estimate_intrinsics",
             "capture_messages": "CaptureSettings",
             "device": "DeviceCamera open_camera",
-            "errors": "CalibrationError CameraError CameraLost CameraNotFound CameraStalled FrameSizeChanged"
+            "errors": "CameraCalibrationError CameraError CameraLost CameraNotFound CameraStalled FrameSizeChanged"
             " IntrinsicsError SettingRefused",
             "frame": "Camera CameraStatistics Frame Image",
             "intrinsics": "Intrinsics format_intrinsics load_intrinsics",

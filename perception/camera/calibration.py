@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.errors import CalibrationError
+from perception.camera.errors import CameraCalibrationError
 from perception.camera.frame import Image
 from perception.camera.intrinsics import Intrinsics
 
@@ -21,7 +21,7 @@ LEAST_TURN_DEG = 15.0
 
 
 @dataclass(frozen=True)
-class Board:
+class CalibrationBoard:
     """A printed ChArUco board: columns x rows of squares, sides in metres, one of OpenCV's dictionaries."""
 
     columns: int = 8
@@ -32,13 +32,13 @@ class Board:
 
     def __post_init__(self) -> None:
         if self.columns < 3 or self.rows < 3:
-            raise CalibrationError(f"a board of {self.columns} x {self.rows} squares is under 3 x 3")
+            raise CameraCalibrationError(f"a board of {self.columns} x {self.rows} squares is under 3 x 3")
         if not 0.0 < self.marker < self.square:
-            raise CalibrationError(
+            raise CameraCalibrationError(
                 f"markers of {self.marker} m do not fit into squares of {self.square} m (both above 0)"
             )
         if not (self.dictionary.startswith("DICT_") and hasattr(cv2.aruco, self.dictionary)):
-            raise CalibrationError(f"OpenCV has no marker dictionary {self.dictionary!r}")
+            raise CameraCalibrationError(f"OpenCV has no marker dictionary {self.dictionary!r}")
 
     @cached_property
     def _charuco(self) -> "cv2.aruco.CharucoBoard":
@@ -91,11 +91,13 @@ def estimate_intrinsics(
 ) -> IntrinsicsCalibration:
     """Fit a pinhole (with Brown distortion unless told not to) to views of the board.
 
-    Raises CalibrationError when there are too few views, when they do not determine the focal length within
+    Raises CameraCalibrationError when there are too few views, when they do not determine the focal length within
     1 % or the board was always seen from the same side, or when the residual is above one pixel.
     """
     if len(views) < LEAST_VIEWS:
-        raise CalibrationError(f"{len(views)} views of the board are not enough, {LEAST_VIEWS} are needed")
+        raise CameraCalibrationError(
+            f"{len(views)} views of the board are not enough, {LEAST_VIEWS} are needed"
+        )
     flags = 0 if distortion else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
     flags |= cv2.CALIB_FIX_K3
     guess = np.array([[width, 0.0, (width - 1) / 2], [0.0, width, (height - 1) / 2], [0.0, 0.0, 1.0]])
@@ -109,10 +111,10 @@ def estimate_intrinsics(
             flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
         )
     except cv2.error as error:
-        raise CalibrationError(f"the views do not determine the camera: {error.err}") from error
+        raise CameraCalibrationError(f"the views do not determine the camera: {error.err}") from error
     turned = _largest_turn_deg([np.ravel(turn) for turn in turns])
     if turned < LEAST_TURN_DEG:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"the board was turned by {turned:.1f}° between the views, at least {LEAST_TURN_DEG:g}° are needed "
             "to tell focal length from distance: turn the board against the camera"
         )
@@ -120,12 +122,12 @@ def estimate_intrinsics(
     deviation = float(np.max(np.ravel(deviations)[:2]))
     focal = float(matrix[0, 0])
     if not deviation < WORST_FOCAL_DEVIATION * focal:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"the views leave the focal length uncertain by {deviation:.1f} px of {focal:.0f} px (allowed: "
             f"{100 * WORST_FOCAL_DEVIATION:g} %): turn the board against the camera by 20° and more"
         )
     if residual > WORST_RESIDUAL_PX:
-        raise CalibrationError(
+        raise CameraCalibrationError(
             f"corners miss the fitted camera by {residual:.2f} px, more than {WORST_RESIDUAL_PX:g} px: "
             "is the board flat and its size right?"
         )

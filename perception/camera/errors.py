@@ -29,5 +29,5 @@ class IntrinsicsError(CameraError):
     """An intrinsics file is missing, malformed or belongs to another image size."""
 
 
-class CalibrationError(CameraError):
+class CameraCalibrationError(CameraError):
     """The views do not determine the parameters, or the residual is above its limit."""

@@ -7,8 +7,8 @@ import pytest
 
 from medusa.calibration.head_geometry import EyeView, HeadView, estimate_head, turn_matrix
 from medusa.kinematics import HeadGeometry, Joints, camera_pose
-from perception.camera.calibration import Board
-from perception.camera.errors import CalibrationError
+from perception.camera.calibration import CalibrationBoard
+from perception.camera.errors import CameraCalibrationError
 from perception.camera.intrinsics import Intrinsics
 from sim_devices.chain import HeadGeometry as Chain
 from sim_devices.chain import Mount, optical_frame
@@ -19,7 +19,7 @@ from sim_devices.worlds.surface import Rectangle
 from sim_devices.worlds.texture import Texture
 from sim_devices.worlds.world import World
 
-BOARD = Board()
+BOARD = CalibrationBoard()
 OPTICS = Optics.centred_deg(256, 192, 45.0)
 LENS = Intrinsics(256, 192, OPTICS.fx, OPTICS.fy, OPTICS.cx, OPTICS.cy)
 TRUE = Chain(
@@ -79,7 +79,7 @@ def test_joints_that_did_not_stand_where_they_said_fail_above_the_bound(views: l
         )
         for view in views
     ]
-    with pytest.raises(CalibrationError, match=r"more than 0\.3°"):
+    with pytest.raises(CameraCalibrationError, match=r"more than 0\.3°"):
         estimate_head(wrong)
 
 
@@ -97,7 +97,7 @@ def test_joints_that_did_not_move_cannot_tell_the_parameters_apart(views: list[H
             inside = (grid @ turn.T + place - centre) @ rotation
             eyes.append(EyeView(grid, inside[:, :2] / inside[:, 2:]))
         still_views.append(HeadView(joints, *eyes))
-    with pytest.raises(CalibrationError, match=r"move|apart"):
+    with pytest.raises(CameraCalibrationError, match=r"move|apart"):
         estimate_head(still_views)
 
 
@@ -112,13 +112,13 @@ def test_a_board_of_the_wrong_size_is_noticed(views: list[HeadView]) -> None:
         )
         for view in views
     ]
-    with pytest.raises(CalibrationError, match="squares"):
+    with pytest.raises(CameraCalibrationError, match="squares"):
         estimate_head(doubled)
 
 
 def test_too_few_views_or_a_blind_eye_are_named(views: list[HeadView]) -> None:
-    with pytest.raises(CalibrationError, match=r"3 views.*8 are needed"):
+    with pytest.raises(CameraCalibrationError, match=r"3 views.*8 are needed"):
         estimate_head(views[:3])
     blind = [HeadView(view.joints, view.left, None) for view in views]
-    with pytest.raises(CalibrationError, match="right eye never saw"):
+    with pytest.raises(CameraCalibrationError, match="right eye never saw"):
         estimate_head(blind)

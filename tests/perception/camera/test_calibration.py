@@ -5,8 +5,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from perception.camera.calibration import Board, BoardView, estimate_intrinsics
-from perception.camera.errors import CalibrationError
+from perception.camera.calibration import BoardView, CalibrationBoard, estimate_intrinsics
+from perception.camera.errors import CameraCalibrationError
 from sim_devices.worlds.optics import Optics
 from sim_devices.worlds.placement import Placement, facing, rotation_about, still
 from sim_devices.worlds.render import render
@@ -14,7 +14,7 @@ from sim_devices.worlds.surface import Rectangle
 from sim_devices.worlds.texture import Texture
 from sim_devices.worlds.world import World
 
-BOARD = Board()
+BOARD = CalibrationBoard()
 OPTICS = Optics(320, 240, 330.0, 333.0, 163.2, 117.4)
 TURNS = [(20, 0), (-20, 5), (0, 25), (5, -25), (25, 20), (-25, -15), (15, -20), (-12, 22)]
 
@@ -54,13 +54,13 @@ def test_corners_are_numbered_in_metres_on_the_board() -> None:
 
 
 def test_too_few_views_are_refused_with_both_numbers() -> None:
-    with pytest.raises(CalibrationError, match=r"2 views.*6 are needed"):
+    with pytest.raises(CameraCalibrationError, match=r"2 views.*6 are needed"):
         estimate_intrinsics(views()[:2], 320, 240)
 
 
 def test_a_board_that_was_only_seen_squarely_is_refused() -> None:
     flat = [view(0.01 * k, 0.0, 1.0, k) for k in range(8)]
-    with pytest.raises(CalibrationError, match="turn the board"):
+    with pytest.raises(CameraCalibrationError, match="turn the board"):
         estimate_intrinsics([each for each in flat if each is not None], 320, 240)
 
 
@@ -73,5 +73,5 @@ def test_a_picture_without_a_board_shows_none() -> None:
     [({"columns": 2}, "2 x 6"), ({"marker": 0.05}, "0.05 m"), ({"dictionary": "DICT_9X9"}, "DICT_9X9")],
 )
 def test_an_impossible_board_is_refused(board: dict[str, object], said: str) -> None:
-    with pytest.raises(CalibrationError, match=said):
-        Board(**board)  # type: ignore[arg-type]
+    with pytest.raises(CameraCalibrationError, match=said):
+        CalibrationBoard(**board)  # type: ignore[arg-type]
