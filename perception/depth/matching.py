@@ -1,4 +1,4 @@
-"""One pair of pictures: the depth of the base view by sweep, weak string, check and error surface."""
+"""One pair of pictures: the depth of the base view by sweep, scanline aggregation, check and error surface."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -44,7 +44,7 @@ class Match:
         return cls(InverseDepth.unknown(shape), none, zero, zero, none)
 
 
-def jump_height(disparity: Field, radius: int) -> Field:
+def step_height(disparity: Field, radius: int) -> Field:
     """Greatest step between neighbours within the window, beyond the pixel by which planes or a slant may differ."""
     step = np.zeros_like(disparity)
     right, down = np.abs(np.diff(disparity, axis=1)), np.abs(np.diff(disparity, axis=0))
@@ -56,8 +56,8 @@ def jump_height(disparity: Field, radius: int) -> Field:
     return np.maximum(np.asarray(cv2.dilate(step, window), np.float32) - 1, np.float32(0))
 
 
-def bend(disparity: Field, radius: int) -> Field:
-    """How far the surface at a pixel departs from the planes through what stands `radius` to both sides of it."""
+def curvature(disparity: Field, radius: int) -> Field:
+    """How far the surface at a pixel departs from the planes through its neighbours at `radius` to both sides."""
     middle = disparity[radius:-radius, radius:-radius]
     across = disparity[radius:-radius, : -2 * radius] + disparity[radius:-radius, 2 * radius :]
     down = disparity[: -2 * radius, radius:-radius] + disparity[2 * radius :, radius:-radius]
@@ -101,7 +101,7 @@ def match_pair(
     )
     flat = flatten_whole(disparity)
     refinement = refine(base, other, geometry, flat, choice.spacing, settings, motion_error_px)
-    # The membrane hands on by two rows an iteration what the windows of the jumps have gathered; an even halo keeps
+    # The membrane hands on by two rows an iteration what the windows of the steps have gathered; an even halo keeps
     # the squares of the chess-board.
     halo = 2 * settings.membrane_iterations + settings.window_radius + settings.window_radius % 2
     contrast = max(base.contrast, base.noise)
@@ -115,15 +115,15 @@ def match_pair(
             np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
         )
         blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack[rows])
-        jump = jump_height(disparity[rows], settings.window_radius)
-        refined = choice.sure[rows] & np.isfinite(fine) & (jump < 0.5)
+        step = step_height(disparity[rows], settings.window_radius)
+        refined = choice.sure[rows] & np.isfinite(fine) & (step < 0.5)
         value = select(refined, fine, disparity[rows])
         variance = select(refined, fine_variance, blunt)
-        bent = np.square(
-            np.float32(settings.bend_part) * bend(refinement.start[rows], settings.window_radius)
+        curved = np.square(
+            np.float32(settings.curvature_part) * curvature(refinement.start[rows], settings.window_radius)
         )
-        variance += select(refined, bent, np.square(settings.jump_part * jump))
-        variance += np.square(settings.void_part * spread[rows]) + np.square(np.float32(0.1) * far_off[rows])
+        variance += select(refined, curved, np.square(settings.step_part * step))
+        variance += np.square(settings.hole_part * spread[rows]) + np.square(np.float32(0.1) * far_off[rows])
 
         springs = Springs.cut_at_edges(guide[rows], contrast, disparity[rows], settings.tear_px)
         regular = relax_membrane(
@@ -135,7 +135,7 @@ def match_pair(
         cost = select(choice.sure[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
         # What four springs lend a pixel of its neighbours they lend again in the next pair.
         lent = variance / (variance + np.float32(settings.strength / 4))
-        repeated = select(refined, (lent + np.float32(settings.repeated_part)) * variance + bent, 0)
+        repeated = select(refined, (lent + np.float32(settings.repeated_part)) * variance + curved, 0)
         square = choice.spacing**2
         settled = (
             np.maximum(regular, 0) * choice.spacing,

@@ -29,9 +29,9 @@ class DepthSettings:
     """Levels of the Gaussian pyramid (2.5)."""
     max_hypotheses: float = 12e6
     """More planes times pixels than this are not searched on the finest level but on the next coarser one."""
-    bend: float = 0.4
-    jump: float = 1.5
-    """Cost of a bend and of a jump of the weak string, as parts of the greatest matching cost."""
+    p1: float = 0.4
+    p2: float = 1.5
+    """Penalties of the scanline aggregation for one plane and for more, as parts of the greatest matching cost."""
     stiffness: float = 0.1
     """How fast the predicted depth loses its hold on the search away from it, a part of the greatest cost per χ²."""
     distinctness: float = 0.07
@@ -48,14 +48,14 @@ class DepthSettings:
     """λ_ep of (2.7), (2.8), in squared grey levels per px²; for the literal match."""
     unrefined_px: float = 0.35
     """Deviation of a confirmed match whose error surface shows no minimum."""
-    bend_part: float = 0.5
-    """Deviation where the surface bends within the window, as a part of how far it leaves the plane."""
-    jump_part: float = 0.3
-    """Deviation beside a jump of the disparity, as a part of the jump."""
-    void_part: float = 0.5
-    """Deviation of a filled void, as a part of the spread of what stands around it."""
+    curvature_part: float = 0.5
+    """Deviation where the surface curves within the window, as a part of how far it leaves the plane."""
+    step_part: float = 0.3
+    """Deviation beside a step of the disparity, as a part of the step."""
+    hole_part: float = 0.5
+    """Deviation of a filled hole, as a part of the spread of the disparities around it."""
     tear_px: float = 0.8
-    """Jump of the disparity that halves the membrane's spring."""
+    """Step of the disparity that halves the membrane's spring."""
     strength: float = 4.0
     """λ of (2.15)."""
     membrane_iterations: int = 3
@@ -75,10 +75,8 @@ class DepthSettings:
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far:
             raise OptionError(f"near = {self.near}, far = {self.far}: depths with 0 < near < far are needed")
-        if not (0 <= self.bend <= 1 and 0 <= self.jump <= 1.5):
-            raise OptionError(
-                f"bend = {self.bend}, jump = {self.jump}: 0 to 1 and 0 to 1.5, as the string is in bytes"
-            )
+        if not (0 <= self.p1 <= 1 and 0 <= self.p2 <= 1.5):
+            raise OptionError(f"p1 = {self.p1}, p2 = {self.p2}: 0 to 1 and 0 to 1.5, as paths are in bytes")
         if not 1 <= self.levels <= 6:
             raise OptionError(f"levels = {self.levels}: 1 to 6 levels")
 

@@ -19,7 +19,7 @@ SAME_SURFACE = 0.04
 SLOPE_PX = 7
 """Side of the window over which the slope of a surface is measured."""
 STEEPEST = 0.3
-"""Slopes of the disparity beyond this are jumps."""
+"""Slopes of the disparity beyond this are discontinuities."""
 
 
 def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:

@@ -71,7 +71,7 @@ def agree(
 def without_specks(sure: Mask, place: NDArray[np.float32]) -> Mask:
     """The confirmed pixels without those of small patches that stand apart from what is around them.
 
-    Windows and strings make neighbours agree, so a surface is confirmed over more than `SPECK` connected pixels
+    Windows and aggregation make neighbours agree, so a surface is confirmed over more than `SPECK` connected pixels
     that differ by less than a plane; a smaller patch is a chance match.
 
     Args:

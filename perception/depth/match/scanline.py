@@ -1,9 +1,9 @@
-"""The weak string along the scan lines: a smooth disparity with jumps allowed, found by dynamic programming.
+"""Scanline aggregation with the penalties P1 and P2: a smooth disparity with discontinuities, by dynamic programming.
 
-Where the membrane (2.15) charges the square of every difference between neighbours, the weak string
-(Blake and Zisserman) charges `bend` for one plane and at most `jump` for any number, so that the edge
-of an object stays sharp. Its minimum along a line is exact; the four directions are added, as in
-semi-global matching (Hirschmüller). The arithmetic is in whole numbers.
+Where the membrane (2.15) charges the square of every difference between neighbours, semi-global matching
+(Hirschmüller) charges P1 for one plane and P2 for any number, so that the edge of an object stays sharp. The minimum
+along one path is exact; the paths of four directions, two along the rows and two along the columns, are added. The
+arithmetic is in whole numbers.
 """
 
 from typing import Any
@@ -15,108 +15,116 @@ from numpy.typing import NDArray
 from perception.image.bands import Band, bands, join_bands, share
 
 Costs = NDArray[np.uint8]
-"""Costs of single pixels, and what one string adds up to: at most the greatest cost and a jump."""
+"""Costs of single pixels, and what one path adds up to: at most the greatest cost and P2."""
 Volume = NDArray[np.int16]
-"""Sums of four strings, planes × height × width."""
+"""Sums of four paths, planes × height × width."""
 Planes = NDArray[np.int16]
+"""Numbers of planes, height × width."""
 
 
-def jump_costs(guide: NDArray[np.float32], jump: int, least: int, contrast: float) -> tuple[Costs, Costs]:
-    """What a jump costs between vertical and between horizontal neighbours: less across an edge of the picture.
+def adapt_p2(guide: NDArray[np.float32], p2: int, least: int, contrast: float) -> tuple[Costs, Costs]:
+    """P2 between vertical and between horizontal neighbours: less across an edge of the image.
 
     Args:
-        guide: the base picture, grey levels.
-        contrast: the step in grey levels that halves the cost.
+        guide: the base image, height × width, grey levels.
+        p2: the penalty where the image is even.
+        least: what it falls to.
+        contrast: the step in grey levels that halves it.
 
     Returns:
         (height − 1) × width between a row and the next, (width − 1) × height between a column and the next.
     """
 
-    def cost(step: NDArray[np.float32]) -> Costs:
-        return np.maximum(jump / (1 + np.abs(step) / np.float32(contrast)), least).astype(np.uint8)
+    def penalty(step: NDArray[np.float32]) -> Costs:
+        return np.maximum(p2 / (1 + np.abs(step) / np.float32(contrast)), least).astype(np.uint8)
 
-    return cost(np.diff(guide, axis=0)), np.ascontiguousarray(cost(np.diff(guide, axis=1)).T)
+    return penalty(np.diff(guide, axis=0)), np.ascontiguousarray(penalty(np.diff(guide, axis=1)).T)
 
 
-def sweep_lines(strings: Costs, bend: int, jumps: Costs) -> None:
-    """Run two weak strings at once, one down and one up the lines, in place.
+def aggregate_lines(paths: Costs, p1: int, p2: Costs) -> None:
+    """Aggregate along two opposite directions at once, down and up the lines, in place.
 
-    L_n(k) = c_n(k) + min(L(k), L(k ± 1) + bend, min L + jump) − min L, with L of the line before.
+    L_n(k) = c_n(k) + min(L(k), L(k ± 1) + P1, min L + P2) − min L, with L of the line before.
 
     Args:
-        strings: lines × planes × 2 × pixels: the costs from the first line to the last, and from the last to the
-            first. A cost and a jump must fit a byte together.
-        jumps: (lines − 1) × pixels, between each line and the next.
+        paths: lines × planes × 2 × pixels: the costs from the first line to the last, and from the last to the
+            first. A cost and P2 must fit a byte together.
+        p1: P1.
+        p2: (lines − 1) × pixels, between each line and the next.
     """
-    both_jumps = np.stack((jumps, jumps[::-1]), axis=1)
-    step = np.uint8(bend)
+    both_p2 = np.stack((p2, p2[::-1]), axis=1)
+    one = np.uint8(p1)
     # What the calls cost is mostly the calling: few of them, on long rows, and none that makes an array.
-    best, level, bent = np.empty_like(strings[0, 0]), np.empty_like(strings[0]), np.empty_like(strings[0])
-    upper, lower, bent_upper, bent_lower = level[1:], level[:-1], bent[1:], bent[:-1]
-    before = strings[0]
-    for now, jump in zip(strings[1:], both_jumps, strict=True):
+    best, level, raised = np.empty_like(paths[0, 0]), np.empty_like(paths[0]), np.empty_like(paths[0])
+    upper, lower, raised_upper, raised_lower = level[1:], level[:-1], raised[1:], raised[:-1]
+    before = paths[0]
+    for now, many in zip(paths[1:], both_p2, strict=True):
         np.minimum.reduce(before, axis=0, out=best)
         np.subtract(before, best, out=level)
-        # The jump first, so that the bend cannot overflow.
-        np.minimum(level, jump, out=level)
-        np.add(level, step, out=bent)
-        np.minimum(upper, bent_lower, out=upper)
-        np.minimum(lower, bent_upper, out=lower)
+        # P2 first, so that adding P1 cannot overflow.
+        np.minimum(level, many, out=level)
+        np.add(level, one, out=raised)
+        np.minimum(upper, raised_lower, out=upper)
+        np.minimum(lower, raised_upper, out=lower)
         np.add(now, level, out=now)
         before = now
 
 
-def aggregate(costs: Costs, bend: int, jumps: tuple[Costs, Costs]) -> Volume:
-    """The sum of the four weak strings through every pixel; costs and result planes × height × width."""
+def aggregate(costs: Costs, p1: int, p2: tuple[Costs, Costs]) -> Volume:
+    """The sum of the four paths through every pixel; costs and result planes × height × width."""
     count, height, width = costs.shape
     total = np.empty(costs.shape, np.int16)
-    # The strings along the rows take the room of those along the columns once these are added up.
-    room = np.empty(2 * costs.size, np.uint8)
-    strings = room.reshape(height, count, 2, width)
+    # The paths along the rows take the memory of those along the columns once these are added up.
+    memory = np.empty(2 * costs.size, np.uint8)
+    paths = memory.reshape(height, count, 2, width)
 
     def lay(k: int) -> None:
-        strings[:, k, 0] = costs[k]
-        strings[:, k, 1] = costs[k, ::-1]
+        paths[:, k, 0] = costs[k]
+        paths[:, k, 1] = costs[k, ::-1]
 
     def lay_turned(k: int) -> None:
         turned = cv2.transpose(costs[k])
-        strings[:, k, 0] = turned
-        strings[:, k, 1] = turned[::-1]
+        paths[:, k, 0] = turned
+        paths[:, k, 1] = turned[::-1]
 
     def add(k: int) -> None:
-        np.add(strings[:, k, 0], strings[::-1, k, 1], out=total[k], dtype=np.int16)
+        np.add(paths[:, k, 0], paths[::-1, k, 1], out=total[k], dtype=np.int16)
 
     def add_turned(k: int) -> None:
-        total[k] += cv2.transpose(np.add(strings[:, k, 0], strings[::-1, k, 1], dtype=np.int16))
+        total[k] += cv2.transpose(np.add(paths[:, k, 0], paths[::-1, k, 1], dtype=np.int16))
 
     pixels = height * width
     share(lay, range(count), pixels)
-    sweep_lines(strings, bend, jumps[0])
+    aggregate_lines(paths, p1, p2[0])
     share(add, range(count), pixels)
-    strings = room.reshape(width, count, 2, height)
+    paths = memory.reshape(width, count, 2, height)
     share(lay_turned, range(count), pixels)
-    sweep_lines(strings, bend, jumps[1])
+    aggregate_lines(paths, p1, p2[1])
     share(add_turned, range(count), pixels)
     return total
 
 
-def hear_neighbours(costs: Costs, total: Volume, most: int) -> Costs:
-    """Half the costs and half what the strings made of them, min(¼(S − min S), most).
+def blend_costs(costs: Costs, total: Volume, most: int) -> Costs:
+    """Half the costs and half what the paths made of them, min(¼(S − min S), most): costs for a second aggregation.
 
-    A string knows only its own line. In noise the lines disagree and the map is streaked; strings that run a
-    second time, over these costs, hear through every pixel the strings that cross there, and so the lines beside
-    their own.
+    A path knows only its own line. In noise the lines disagree and the map is streaked; paths that run a second time,
+    over these costs, take in at every pixel the paths that cross there, and so the lines beside their own.
+
+    Args:
+        costs: planes × height × width.
+        total: what `aggregate` made of them.
+        most: the greatest cost that results.
     """
     mixed = np.empty_like(costs)
 
     def mix(band: Band) -> None:
         for row in range(band.inner.start, band.inner.stop):
-            heard = total[:, row] - np.minimum.reduce(total[:, row], axis=0)
-            heard >>= 2
-            np.minimum(heard, np.int16(most), out=heard)
-            heard += costs[:, row]
-            heard >>= 1
-            np.copyto(mixed[:, row], heard, casting="unsafe")
+            aggregated = total[:, row] - np.minimum.reduce(total[:, row], axis=0)
+            aggregated >>= 2
+            np.minimum(aggregated, np.int16(most), out=aggregated)
+            aggregated += costs[:, row]
+            aggregated >>= 1
+            np.copyto(mixed[:, row], aggregated, casting="unsafe")
 
     _, height, width = costs.shape
     share(mix, bands((height, width)), height * width)
@@ -158,7 +166,7 @@ def cheapest(costs: Volume) -> Planes:
 
 
 def pick(volume: NDArray[Any], plane: Planes, top: int = 0) -> NDArray[Any]:
-    """What a volume (planes × height × width) holds on one plane for every pixel of the rows from `top` on."""
+    """What a volume (planes × height × width) holds on each pixel's own plane, for the rows from `top` on."""
     return np.take(volume.reshape(-1), _places(volume, plane, top))
 
 

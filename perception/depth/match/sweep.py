@@ -20,7 +20,7 @@ Volume = NDArray[np.uint8]
 
 WORST = 102
 """The greatest cost of a pixel: two slopes that differ by the whole range. 2½ times as much is a byte, which is what
-the weak string adds up to with a jump of 1½."""
+a path of the scanline aggregation adds up to with a P2 of 1½."""
 FULL = 254
 """The range of a slope."""
 WINDOWS = (3, 7)

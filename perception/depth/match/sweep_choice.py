@@ -1,4 +1,4 @@
-"""The discrete part of the match: sweep, weak string and forward–backward check on one level of the pyramid."""
+"""The discrete part of the match on one level of the pyramid: sweep, scanline aggregation, forward–backward check."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.match.consistency import agree, backward_planes, without_specks
-from perception.depth.match.scanline import aggregate, choose, hear_neighbours, jump_costs, pick
+from perception.depth.match.scanline import adapt_p2, aggregate, blend_costs, choose, pick
 from perception.depth.match.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.match.view import View
 from perception.depth.settings import DepthSettings
@@ -20,7 +20,7 @@ Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 AGAIN = 0.75
-"""What a bend or a jump costs in each of two runs, as a part of its cost in one: in the second both are charged."""
+"""What P1 and P2 are in each of two aggregations, as parts of what they are in one: in the second both are charged."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ def choose_planes(
         costs = admit_prediction(alone, planes, predicted, settings.stiffness)
     contrast = max(0.6 * base.contrast, 1.4 * base.noise)
     price = WORST * (AGAIN if base.noisy else 1)
-    bend = int(settings.bend * price)
-    jumps = jump_costs(base.bare, int(settings.jump * price), bend + bend // 5, contrast)
-    total = aggregate(costs, bend, jumps)
+    p1 = int(settings.p1 * price)
+    p2 = adapt_p2(base.bare, int(settings.p2 * price), p1 + p1 // 5, contrast)
+    total = aggregate(costs, p1, p2)
     if base.noisy:
-        total = aggregate(hear_neighbours(costs, total, WORST), bend, jumps)
+        total = aggregate(blend_costs(costs, total, WORST), p1, p2)
     plane, place = choose(total)
     spacing = np.float32(planes[1] - planes[0])
     inverse_depth = np.asarray(np.float32(planes[0]) + place * spacing, np.float32)

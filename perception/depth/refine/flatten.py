@@ -1,4 +1,4 @@
-"""The steps between planes smoothed, the jumps between surfaces left."""
+"""The steps between planes smoothed, the discontinuities between surfaces left."""
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ FLAT_RADIUS = 4
 
 
 def flatten_steps(disparity: Field, radius: int = FLAT_RADIUS, step: float = 0.5) -> Field:
-    """Smooth the steps between planes and leave the jumps between surfaces.
+    """Smooth the steps between planes and leave the discontinuities between surfaces.
 
     Over the window the mean replaces the value as far as the window's variance is below that of a `step`;
     both are averaged over all windows that hold the pixel (He's guided filter with itself as guide).

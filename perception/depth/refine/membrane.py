@@ -30,13 +30,13 @@ class Springs:
         return cls(np.ones((height - 1, width), np.float32), np.ones((height, width - 1), np.float32))
 
     @classmethod
-    def cut_at_edges(cls, guide: Field, contrast: float, disparity: Field, jump_px: float) -> "Springs":
-        """Springs that weaken across an edge of the picture and all but tear at a jump of the disparity."""
+    def cut_at_edges(cls, guide: Field, contrast: float, disparity: Field, step_px: float) -> "Springs":
+        """Springs that weaken across an edge of the picture and all but tear at a step of the disparity."""
 
         def stiffness(axis: int) -> Field:
             edge = np.diff(guide, axis=axis) / np.float32(contrast)
-            jump = np.diff(disparity, axis=axis) / np.float32(jump_px)
-            return np.asarray(1 / ((1 + edge * edge) * (1 + np.square(jump * jump))) + 1e-4, np.float32)
+            step = np.diff(disparity, axis=axis) / np.float32(step_px)
+            return np.asarray(1 / ((1 + edge * edge) * (1 + np.square(step * step))) + 1e-4, np.float32)
 
         return cls(stiffness(0), stiffness(1))
 

@@ -14,7 +14,7 @@ REACH = 5
 """Half the window, in pixels, within which a pixel is given to the one surface or the other."""
 HALO = 3 * REACH
 """Rows that a pixel's answer depends on, above and below: a middle over twice the reach, and a window of it."""
-LEAST_JUMP = 1.5
+LEAST_STEP = 1.5
 """Disparities (px) that differ by less within the window are one surface."""
 LEAST_PART = 0.05
 """A surface that fills less of the window than this part has no grey level of its own."""
@@ -23,7 +23,7 @@ EVIDENCE = 2.5
 
 
 def align_outlines(disparity: Field, grey: Field, noise: float) -> Field:
-    """Give the pixels beside a jump of the disparity to the surface whose grey levels they have.
+    """Give the pixels beside a step of the disparity to the surface whose grey levels they have.
 
     Around each such pixel the window is parted in a near and a far side at the middle between its greatest and
     its least disparity. Each side has a mean μ and a variance σ² of its grey levels g, and
@@ -38,7 +38,7 @@ def align_outlines(disparity: Field, grey: Field, noise: float) -> Field:
     side = (2 * REACH + 1, 2 * REACH + 1)
     window = np.ones(side, np.uint8)
     most, least = cv2.dilate(disparity, window), cv2.erode(disparity, window)
-    beside = np.flatnonzero(most - least > LEAST_JUMP)
+    beside = np.flatnonzero(most - least > LEAST_STEP)
     if beside.size == 0:
         return disparity
     # All of a window is parted at one middle: that of twice the reach, which knows both sides from its every pixel.
