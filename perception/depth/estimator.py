@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.errors import ImageError
-from perception.depth.filter.carry import carry_map
+from perception.depth.filter.forward_warp import carry_map
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.kept import Kept
+from perception.depth.keyframe import Kept
 from perception.depth.match.coarse_match import LESS_COST, match_turned
 from perception.depth.match.search_range import expected_range, widest_range, with_margin
 from perception.depth.match.view import View
-from perception.depth.matching import match_pair
+from perception.depth.pair import match_pair
 from perception.depth.refine.motion_correction import correct_motion
 from perception.depth.settings import DEFAULT, DepthSettings
 from perception.depth.thesis.literal_match import match_literally

@@ -8,7 +8,7 @@ import numpy as np
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
-from perception.depth.match.sweep_choice import Choice, choose_planes
+from perception.depth.match.plane_choice import Choice, choose_planes
 from perception.depth.match.view import View
 from perception.depth.settings import DepthSettings
 from perception.image.quantile import quantiles

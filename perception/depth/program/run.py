@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from perception.camera.intrinsics import Intrinsics
 from perception.depth.errors import ImageError, MotionError, OptionError
 from perception.depth.estimator import DepthFromMotion, DepthMap
+from perception.depth.files.depth_image import colour_depth
 from perception.depth.files.lens import pinhole, read_lens, straighten
 from perception.depth.files.motion_file import read_poses
-from perception.depth.files.picture import colour_depth
 from perception.depth.files.point_cloud import write_ply
 from perception.depth.files.reference import read_reference
 from perception.depth.files.sequence import list_pictures, read_picture

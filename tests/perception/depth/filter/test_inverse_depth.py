@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from perception.depth.filter.carry import carry_map
+from perception.depth.filter.forward_warp import carry_map
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.refine.voids import fill_voids
+from perception.depth.refine.holes import fill_voids
 from perception.depth.thesis.warp import warp_map
 
 CAMERA = Pinhole(100.0, 100.0, 31.5, 23.5)

@@ -4,6 +4,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from perception.depth.match.plane_sweep import WORST
 from perception.depth.match.scanline import (
     adapt_p2,
     aggregate,
@@ -13,7 +14,6 @@ from perception.depth.match.scanline import (
     choose,
     pick,
 )
-from perception.depth.match.sweep import WORST
 
 
 def test_a_path_reaches_the_least_energy_of_all_paths():

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.match.consistency import agree, backward_planes, without_specks
+from perception.depth.match.plane_sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.match.scanline import adapt_p2, aggregate, blend_costs, choose, pick
-from perception.depth.match.sweep import WORST, admit_prediction, sweep_planes
 from perception.depth.match.view import View
 from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, join_bands

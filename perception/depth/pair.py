@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.match.sweep_choice import choose_on_affordable_level
+from perception.depth.match.plane_choice import choose_on_affordable_level
 from perception.depth.match.view import View
 from perception.depth.refine.flatten import flatten_whole
+from perception.depth.refine.holes import fill_voids
 from perception.depth.refine.membrane import Springs, relax_membrane
 from perception.depth.refine.outline import HALO as OUTLINE_HALO
 from perception.depth.refine.outline import align_outlines
 from perception.depth.refine.refinement import refine
-from perception.depth.refine.voids import fill_voids
 from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, join_bands
 from perception.image.select import select

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.depth.files.picture import UNKNOWN, colour_depth
+from perception.depth.files.depth_image import UNKNOWN, colour_depth
 
 
 def test_near_is_red_far_is_blue_unknown_has_a_colour_of_its_own() -> None:
