@@ -158,9 +158,15 @@ class DepthFromMotion:
         pair = geometry.motion if self.anchored else geometry.motion.inverse()
         shared = np.float32(0.5 * kept.likeness(pair)) * match.refined
         self._state = fuse(
-            predicted, match.measured, match.sure, self.settings.gate, match.reach, match.repeated, shared
+            predicted,
+            match.measured,
+            match.confirmed,
+            self.settings.gate,
+            match.reach,
+            match.repeated,
+            shared,
         )
-        confirmed = float(match.sure.mean())
+        confirmed = float(match.confirmed.mean())
         kept.unmeasured = Motion.identity()
         middle = known_median(self._state.value[::4, ::4])
         far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
@@ -200,10 +206,10 @@ class DepthFromMotion:
         if not self.settings.literal:
             return carry_map(predicted, moved)
         warped, start = warp_map(predicted, moved, reach=2, independent=True), self._presumed(shape)
-        void = ~np.isfinite(warped.value)
+        hole = ~np.isfinite(warped.value)
         return InverseDepth(
-            np.where(void, start.value, warped.value),
-            np.where(void, start.variance, warped.variance),
+            np.where(hole, start.value, warped.value),
+            np.where(hole, start.variance, warped.variance),
             start.cost,
         )
 

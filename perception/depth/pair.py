@@ -12,7 +12,7 @@ from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.match.plane_choice import choose_on_affordable_level
 from perception.depth.match.view import View
 from perception.depth.refine.flatten import flatten_whole
-from perception.depth.refine.holes import fill_voids
+from perception.depth.refine.holes import fill_holes
 from perception.depth.refine.membrane import Springs, relax_membrane
 from perception.depth.refine.outline import HALO as OUTLINE_HALO
 from perception.depth.refine.outline import align_outlines
@@ -32,13 +32,13 @@ class Match:
     which pixels were measured on the error surface, so that noise is what else they err by."""
 
     measured: InverseDepth
-    sure: Mask
+    confirmed: Mask
     reach: Field
     repeated: Field
     refined: Mask
 
     @classmethod
-    def void(cls, shape: tuple[int, int]) -> "Match":
+    def unconfirmed(cls, shape: tuple[int, int]) -> "Match":
         """A pair of which nothing was confirmed."""
         none, zero = np.zeros(shape, bool), np.zeros(shape, np.float32)
         return cls(InverseDepth.unknown(shape), none, zero, zero, none)
@@ -86,14 +86,14 @@ def match_pair(
         motion_error_px: by how much the motion is expected to shift a match along its line.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
-    if not choice.sure.any():
-        return Match.void(base.shape)
-    kept = select(choice.sure, choice.inverse_depth / choice.spacing, np.nan)
-    level = ~choice.sure
+    if not choice.confirmed.any():
+        return Match.unconfirmed(base.shape)
+    kept = select(choice.confirmed, choice.inverse_depth / choice.spacing, np.nan)
+    level = ~choice.confirmed
     slope = geometry.project(choice.inverse_depth[level], level)
     level[level] = np.abs(slope.slope_x) >= np.abs(slope.slope_y)
-    filled, spread, far_off = fill_voids(kept, choice.hidden, level)
-    shape, guide = base.shape, base.bare
+    filled, spread, far_off = fill_holes(kept, choice.occluded, level)
+    shape, guide = base.shape, base.denoised
     (disparity,) = join_bands(
         shape,
         lambda band: (align_outlines(filled[band.outer], guide[band.outer], base.noise)[band.trim],),
@@ -114,9 +114,9 @@ def match_pair(
         blunt = (
             np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
         )
-        blunt = blunt + np.square(np.float32(settings.vague_px) * choice.lack[rows])
+        blunt = blunt + np.square(np.float32(settings.ambiguous_px) * choice.ambiguity[rows])
         step = step_height(disparity[rows], settings.window_radius)
-        refined = choice.sure[rows] & np.isfinite(fine) & (step < 0.5)
+        refined = choice.confirmed[rows] & np.isfinite(fine) & (step < 0.5)
         value = select(refined, fine, disparity[rows])
         variance = select(refined, fine_variance, blunt)
         curved = np.square(
@@ -132,7 +132,7 @@ def match_pair(
         reach = choice.spacing * np.sqrt(
             np.float32(settings.reach_px**2) + np.float32(settings.gate**2) * drift
         )
-        cost = select(choice.sure[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
+        cost = select(choice.confirmed[rows], np.minimum(choice.cost[rows], np.float32(0.99)), 1)
         # What four springs lend a pixel of its neighbours they lend again in the next pair.
         lent = variance / (variance + np.float32(settings.strength / 4))
         repeated = select(refined, (lent + np.float32(settings.repeated_part)) * variance + curved, 0)
@@ -148,4 +148,4 @@ def match_pair(
         return tuple(part[band.trim] for part in settled)
 
     value, variance, cost, reach, repeated, refined = join_bands(shape, settle, halo)
-    return Match(InverseDepth(value, variance, cost), choice.sure, reach, repeated, refined)
+    return Match(InverseDepth(value, variance, cost), choice.confirmed, reach, repeated, refined)

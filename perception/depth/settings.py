@@ -35,9 +35,9 @@ class DepthSettings:
     stiffness: float = 0.1
     """How fast the predicted depth loses its hold on the search away from it, a part of the greatest cost per χ²."""
     distinctness: float = 0.07
-    """By how much the best plane should be cheaper than the mean; what lacks is added to its cost."""
-    vague_px: float = 3.0
-    """What a match without any distinctness is uncertain by, beside everything else."""
+    """By how much the best plane should be cheaper than the mean; what is missing is its ambiguity."""
+    ambiguous_px: float = 3.0
+    """Deviation of a match of full ambiguity, beside everything else."""
     window_radius: int = 4
     """Half the window of the error surface: a tent of 9×9, which averages like a flat 7×7."""
     equalisation: Equalisation = Equalisation.MEAN_RATIO

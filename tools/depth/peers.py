@@ -29,7 +29,7 @@ def _in_pixels(fixed: NDArray[np.integer]) -> Field:
 
 
 def fill_from_left(disparity: Field) -> Field:
-    """Each void takes the last value to its left; one that has none takes the first to its right; a void row 0."""
+    """Each hole takes the last value to its left, one that has none the first to its right; in an empty row, 0."""
     known = np.isfinite(disparity)
     columns = np.where(known, np.arange(disparity.shape[1])[None, :], -1)
     place = np.maximum.accumulate(columns, axis=1)
@@ -38,7 +38,7 @@ def fill_from_left(disparity: Field) -> Field:
 
 
 def bad_percent(disparity: Field, truth: Field, threshold: float) -> float:
-    """Per cent of the pixels with truth whose disparity errs by more than `threshold` px; a void is an error."""
+    """Per cent of the pixels with truth whose disparity errs by more than `threshold` px; a hole is an error."""
     there = np.isfinite(truth)
     good = np.abs(disparity[there] - truth[there]) <= threshold
     return float(100 * np.mean(~good))

@@ -52,8 +52,8 @@ class InverseDepth:
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> "InverseDepth":
         """Nothing known anywhere."""
-        void = np.full(shape, np.nan, np.float32)
-        return cls(void, void.copy(), np.ones(shape, np.float32))
+        unknown = np.full(shape, np.nan, np.float32)
+        return cls(unknown, unknown.copy(), np.ones(shape, np.float32))
 
 
 def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) -> InverseDepth:
@@ -72,7 +72,7 @@ def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) 
 def fuse(
     predicted: InverseDepth,
     measured: InverseDepth,
-    sure: Mask,
+    confirmed: Mask,
     gate: float,
     reach: Field,
     repeated: Field | float = 0.0,
@@ -84,7 +84,7 @@ def fuse(
     correlation κ, for the two pairs have a picture in common. Then ρ⁺ = ρ⁻ + k (ρ_m − ρ⁻) and P⁺ = B + (1 − κ²) P Q/s
     with s = P + Q − 2κ√(P Q) and k = (P − κ√(P Q))/s. B = κ = 0 is the filter of the thesis, 1/P⁺ = 1/P⁻ + 1/R.
 
-    A measurement that was confirmed both ways (`sure`) is averaged with the prediction when they agree within
+    A measurement that was confirmed both ways (`confirmed`) is averaged with the prediction when they agree within
     `gate` standard deviations and within `reach` (1/m). Otherwise they are two surfaces and it replaces it, unless
     they agree by nothing but its own vagueness (`VAGUER`), as on an edge along the motion: then the prediction stays.
     One that was not confirmed only stands where nothing is known or only a worse guess.
@@ -94,20 +94,20 @@ def fuse(
         shared: κ, from −½, the common picture between the two others, to ½, both on one side of it.
     """
 
-    whole_repeated, whole_shared = (np.broadcast_to(part, sure.shape) for part in (repeated, shared))
+    whole_repeated, whole_shared = (np.broadcast_to(part, confirmed.shape) for part in (repeated, shared))
 
     def work(band: Band) -> tuple[Field, ...]:
         rows = band.inner
         common = reach[rows], whole_repeated[rows], whole_shared[rows]
-        return _fuse(predicted.rows(rows), measured.rows(rows), sure[rows], gate, *common)
+        return _fuse(predicted.rows(rows), measured.rows(rows), confirmed[rows], gate, *common)
 
-    return InverseDepth(*join_bands(sure.shape, work))
+    return InverseDepth(*join_bands(confirmed.shape, work))
 
 
 def _fuse(
     predicted: InverseDepth,
     measured: InverseDepth,
-    sure: Mask,
+    confirmed: Mask,
     gate: float,
     reach: Field,
     repeated: Field,
@@ -126,8 +126,8 @@ def _fuse(
         gain = (before - common) / combined
         left = repeats + (1 - np.square(shared)) * before * now / combined
         better = ~known | (guess & (measured.variance < predicted.variance))
-    average = sure & possible & (np.abs(gap) <= reach)
-    replace = np.isfinite(measured.value) & ((sure & ~(possible & holds)) | (~sure & better))
+    average = confirmed & possible & (np.abs(gap) <= reach)
+    replace = np.isfinite(measured.value) & ((confirmed & ~(possible & holds)) | (~confirmed & better))
     return tuple(
         select(average, mean, select(replace, new, old))
         for mean, new, old in (

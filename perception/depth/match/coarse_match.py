@@ -42,10 +42,10 @@ class CoarseMatch:
 
     def range(self) -> tuple[float, float] | None:
         """Between which inverse depths all but a hundredth of the confirmed pixels lie; None when hardly any is."""
-        sure = cv2.erode(self.choice.sure.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-        if sure.mean() < FEWEST:
+        confirmed = cv2.erode(self.choice.confirmed.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        if confirmed.mean() < FEWEST:
             return None
-        low, high = quantiles(self.choice.inverse_depth[sure], 0.005, 0.995)
+        low, high = quantiles(self.choice.inverse_depth[confirmed], 0.005, 0.995)
         return low, high
 
 

@@ -68,17 +68,17 @@ def agree(
     return np.asarray(np.abs(there - plane) <= tolerance)
 
 
-def without_specks(sure: Mask, place: NDArray[np.float32]) -> Mask:
+def without_specks(confirmed: Mask, place: NDArray[np.float32]) -> Mask:
     """The confirmed pixels without those of small patches that stand apart from what is around them.
 
     Windows and aggregation make neighbours agree, so a surface is confirmed over more than `SPECK` connected pixels
     that differ by less than a plane; a smaller patch is a chance match.
 
     Args:
-        sure: confirmed, height × width.
+        confirmed: by `agree`, height × width.
         place: the chosen place between the planes.
     """
     # Sixteenths of a plane as the function wants them; 0 is what was not confirmed.
-    coded = np.where(sure, place * 16 + 1, 0).astype(np.int16)
+    coded = np.where(confirmed, place * 16 + 1, 0).astype(np.int16)
     cv2.filterSpeckles(coded, 0, SPECK, 16)
     return coded > 0

@@ -28,7 +28,7 @@ NOISE_LIMIT = 2.0
 NOISY_SHARE = 0.3
 """A picture is noisy when the noise makes this part of its slopes or more."""
 NOISE_LEFT = 0.75
-"""What `take_out_noise` leaves of it where the texture is: a third on even ground, all of it on an edge."""
+"""What `denoise` leaves of it where the texture is: a third on even ground, all of it on an edge."""
 SOFTENING = np.array([0.25, 0.5, 0.25], np.float32)
 SOFTENED_NOISE = float(np.sum(SOFTENING**2)) ** 2
 """The part of the noise's variance that a pixel of the softened picture keeps."""
@@ -86,7 +86,7 @@ def noise_share(grey: Grey, noise: float) -> float:
     return SLOPE_GAIN * noise / max(texture, 1e-6)
 
 
-def take_out_noise(grey: Grey, noise: float) -> Grey:
+def denoise(grey: Grey, noise: float) -> Grey:
     """Take out the noise and leave the edges: Wiener's filter with the statistics of windows of 3×3 (Lee).
 
     Of a window with mean m and variance v the part a = s/(s + σ²), s = max(v − σ², 0), is signal, and the window

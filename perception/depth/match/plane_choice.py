@@ -27,15 +27,15 @@ AGAIN = 0.75
 class Choice:
     """What the sweep chose, height × width.
 
-    Inverse depth; its cost in this pair alone, 0 to 1; how far it lacks distinctness, 0 to 1; whether the other
-    picture confirmed it; whether it is rather hidden there than out of view; and the distance of the planes in 1/m.
+    Inverse depth; its cost in this pair alone, 0 to 1; its ambiguity, 0 to 1; whether the other image confirmed it;
+    whether it is rather occluded there than out of view; and the distance of the planes in 1/m.
     """
 
     inverse_depth: Field
     cost: Field
-    lack: Field
-    sure: Mask
-    hidden: Mask
+    ambiguity: Field
+    confirmed: Mask
+    occluded: Mask
     spacing: np.float32
 
 
@@ -54,7 +54,7 @@ def choose_planes(
     contrast = max(0.6 * base.contrast, 1.4 * base.noise)
     price = WORST * (AGAIN if base.noisy else 1)
     p1 = int(settings.p1 * price)
-    p2 = adapt_p2(base.bare, int(settings.p2 * price), p1 + p1 // 5, contrast)
+    p2 = adapt_p2(base.denoised, int(settings.p2 * price), p1 + p1 // 5, contrast)
     total = aggregate(costs, p1, p2)
     if base.noisy:
         total = aggregate(blend_costs(costs, total, WORST), p1, p2)
@@ -65,22 +65,22 @@ def choose_planes(
 
     def judge(band: Band) -> tuple[Field, Field, Mask]:
         rows = band.inner
-        sure = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
+        confirmed = agree(plane[rows], backward, *geometry.meet(inverse_depth[rows], rows))
         cost = pick(alone, plane[rows], rows.start).astype(np.float32)
         mean = np.zeros(cost.shape, np.float32)
         for plane_costs in alone[:, rows]:
             cv2.accumulate(plane_costs, mean)
         mean /= np.float32(len(planes))
-        lack = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
-        cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * lack
-        return cost, lack, sure
+        ambiguity = np.clip(1 - (mean - cost) / np.float32(settings.distinctness * WORST), 0, 1)
+        cost = cost / np.float32(WORST) + np.float32(settings.distinctness) * ambiguity
+        return cost, ambiguity, confirmed
 
-    cost, lack, agreed = join_bands(base.shape, judge)
-    sure = without_specks(agreed, place)
-    hidden = ~sure
+    cost, ambiguity, agreed = join_bands(base.shape, judge)
+    confirmed = without_specks(agreed, place)
+    occluded = ~confirmed
     for end in (planes[0], planes[-1]):
-        hidden[hidden] = geometry.in_view(float(end), hidden)
-    return Choice(inverse_depth, cost, lack, sure, hidden, spacing)
+        occluded[occluded] = geometry.in_view(float(end), occluded)
+    return Choice(inverse_depth, cost, ambiguity, confirmed, occluded, spacing)
 
 
 def choose_on_affordable_level(
@@ -112,11 +112,13 @@ def choose_on_affordable_level(
         *(_thin_out(part, shape) for part in (predicted.value, predicted.variance, predicted.cost))
     )
     choice = choose_planes(base, other, geometry, planes, small, settings)
-    sure, hidden = (enlarge(mask.astype(np.float32), full) > 0.5 for mask in (choice.sure, choice.hidden))
-    inverse_depth, cost, lack = (
-        enlarge(part, full) for part in (choice.inverse_depth, choice.cost, choice.lack)
+    confirmed, occluded = (
+        enlarge(mask.astype(np.float32), full) > 0.5 for mask in (choice.confirmed, choice.occluded)
     )
-    return Choice(inverse_depth, cost, lack, sure, hidden, choice.spacing)
+    inverse_depth, cost, ambiguity = (
+        enlarge(part, full) for part in (choice.inverse_depth, choice.cost, choice.ambiguity)
+    )
+    return Choice(inverse_depth, cost, ambiguity, confirmed, occluded, choice.spacing)
 
 
 def _thin_out(field: Field, shape: tuple[int, int]) -> Field:

@@ -69,8 +69,8 @@ def admit_prediction(
     """Let the predicted depth stand for the pictures no longer kept: min(costs, c + stiffness·χ²).
 
     c is what the prediction cost when it was last confirmed and χ² = (ρ_k − ρ̂)²/P, P at least a
-    quarter of a squared plane distance. So a point hidden from the other picture keeps the depth it had, and
-    one that the other picture shows better takes a new one. A guess (cost 1) or a void (NaN) admits nothing.
+    quarter of a squared plane distance. So a point that is occluded in the other image keeps the depth it had, and
+    one that the other image shows better takes a new one. A guess (cost 1) or a hole (NaN) admits nothing.
     """
     spacing = float(planes[1] - planes[0])
     worst = np.float32(WORST)

@@ -10,12 +10,12 @@ from perception.depth.match.contrast import (
     NOISY_SHARE,
     Bytes,
     Grey,
+    denoise,
     equalised_slopes,
     estimate_noise,
     noise_share,
     noise_weight,
     soften,
-    take_out_noise,
 )
 from perception.image.interpolation import Between
 
@@ -47,9 +47,9 @@ class View:
         return self.noise_share >= NOISY_SHARE
 
     @cached_property
-    def bare(self) -> Grey:
+    def denoised(self) -> Grey:
         """The picture with its noise taken out and its edges left, if it is noisy: for the search."""
-        return take_out_noise(self.grey, self.noise) if self.noisy else self.grey
+        return denoise(self.grey, self.noise) if self.noisy else self.grey
 
     @cached_property
     def soft(self) -> Grey:
@@ -69,12 +69,12 @@ class View:
     @cached_property
     def slopes(self) -> Bytes:
         """The equalised slopes, 2 × height × width."""
-        return equalised_slopes(self.bare, NOISE_LEFT * self.noise if self.noisy else self.noise)
+        return equalised_slopes(self.denoised, NOISE_LEFT * self.noise if self.noisy else self.noise)
 
     @cached_property
     def contrast(self) -> float:
         """Root mean square of the step between neighbours in a row, grey levels."""
-        return float(np.sqrt(np.mean(np.square(np.diff(self.bare, axis=1)))))
+        return float(np.sqrt(np.mean(np.square(np.diff(self.denoised, axis=1)))))
 
     @cached_property
     def halved(self) -> "View":

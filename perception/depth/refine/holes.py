@@ -1,4 +1,4 @@
-"""Voids of the match filled from what stands around them: a hidden point belongs to the farther surface."""
+"""Holes of the match filled from their surroundings: an occluded point belongs to the farther surface."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 
-def _run_ends(void: Mask) -> tuple[Index, Index, Index]:
-    """For every void, row by row: its flat index, and the columns before and after the run of voids it is in."""
-    width = void.shape[1]
-    flat = np.flatnonzero(void)
+def _run_ends(hole: Mask) -> tuple[Index, Index, Index]:
+    """For every hole, row by row: its flat index, and the columns before and after the run of holes it is in."""
+    width = hole.shape[1]
+    flat = np.flatnonzero(hole)
     column = flat % width
     begins = np.diff(flat, prepend=-2) != 1
     begins |= column == 0
@@ -23,16 +23,16 @@ def _run_ends(void: Mask) -> tuple[Index, Index, Index]:
     return flat, np.repeat(before, length), np.repeat(before + length + 1, length)
 
 
-def _nearest_sides(void: Mask) -> tuple[Index, list[tuple[Index, Field]]]:
-    """The flat index of every void, and that and the distance of the nearest known pixel to the left, to the right,
+def _nearest_sides(hole: Mask) -> tuple[Index, list[tuple[Index, Field]]]:
+    """The flat index of every hole, and that and the distance of the nearest known pixel to the left, to the right,
     above and below it; ∞ if there is none."""
-    height, width = void.shape
-    flat, *across = _run_ends(void)
+    height, width = hole.shape
+    flat, *across = _run_ends(hole)
     row, column = np.divmod(flat, width)
-    flat_turned, *down = _run_ends(np.ascontiguousarray(void.T))
+    flat_turned, *down = _run_ends(np.ascontiguousarray(hole.T))
     column_turned, row_turned = np.divmod(flat_turned, height)
     # Back to the order of the rows.
-    ends = np.empty(void.size, np.intp)
+    ends = np.empty(hole.size, np.intp)
     sides = []
 
     def add(end: Index, place: Index, limit: int, begin: Index, step: int) -> None:
@@ -48,27 +48,26 @@ def _nearest_sides(void: Mask) -> tuple[Index, list[tuple[Index, Field]]]:
     return flat, sides
 
 
-def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, Field, Field]:
+def fill_holes(inverse_depth: Field, occluded: Mask, level: Mask) -> tuple[Field, Field, Field]:
     """Fill NaN from the nearest values to the left, right, above and below.
 
-    What is hidden lies beside the surface that hides it, along the epipolar line: it takes the farther of the two
-    values on that line. Any other void, as at the border where the other picture ends, takes the nearest in the
-    picture.
+    What is occluded lies beside the surface that hides it, along the epipolar line: it takes the farther of the two
+    values on that line. Any other hole, as at the border where the other image ends, takes the nearest of the four.
 
     Args:
-        inverse_depth: NaN where it is void.
-        hidden: which voids are hidden from the other picture.
+        inverse_depth: height × width, 1/m or any unit; NaN in holes.
+        occluded: which holes are hidden in the other image.
         level: where the epipolar line runs rather along the row than along the column.
 
     Returns:
         The filled map, the spread of the candidates (greatest − least) and the distance in pixels to the
-        nearest; both are 0 where nothing was filled. A map of nothing but NaN comes back as it is.
+        nearest; both are 0 where nothing was filled. A map of nothing but NaN is returned as it is.
     """
-    void = ~np.isfinite(inverse_depth)
+    hole = ~np.isfinite(inverse_depth)
     zero = np.zeros_like(inverse_depth)
-    if not void.any() or void.all():
+    if not hole.any() or hole.all():
         return inverse_depth, zero, zero.copy()
-    flat, sides = _nearest_sides(void)
+    flat, sides = _nearest_sides(hole)
     candidates = [
         np.where(np.isfinite(away), np.take(inverse_depth, index), np.float32(np.nan))
         for index, away in sides
@@ -82,11 +81,11 @@ def fill_voids(inverse_depth: Field, hidden: Mask, level: Mask) -> tuple[Field, 
     far = np.where(np.isfinite(along), along, close)
     lonely = np.isinf(distance)
     filled, spread, reach = inverse_depth.copy(), zero, np.zeros_like(inverse_depth)
-    np.put(filled, flat, np.where(np.take(hidden, flat), far, close))
+    np.put(filled, flat, np.where(np.take(occluded, flat), far, close))
     np.put(spread, flat, np.fmax.reduce(candidates) - np.fmin.reduce(candidates))
     np.put(reach, flat, distance)
     if lonely.any():
-        some = np.take(inverse_depth, np.flatnonzero(~void)[::16])
+        some = np.take(inverse_depth, np.flatnonzero(~hole)[::16])
         least, middle, most = quantiles(some, 0, 0.5, 1)
         np.put(filled, flat[lonely], middle)
         np.put(spread, flat[lonely], most - least)

@@ -75,10 +75,10 @@ def relax_membrane(
     (Gauss–Seidel).
 
     Args:
-        measured: d, in pixels; NaN is a void.
-        variance: σ² of d in px²; it is not looked at in voids.
+        measured: d, in pixels; NaN is a hole.
+        variance: σ² of d in px²; it is not looked at in holes.
         strength: λ.
-        start: where the relaxation begins; the measurement, with voids at its median, by default.
+        start: where the relaxation begins; the measurement, with holes at its median, by default.
 
     Returns:
         u, height × width.
@@ -106,7 +106,7 @@ def relax_membrane(
 def relaxed_variance(measured: Field, variance: Field, springs: Springs, strength: float = 1.0) -> Field:
     """The variance of the relaxed disparity by the corrected (2.18), (16 var ū + w² σ²)/(4 + w)².
 
-    As in the thesis the neighbours' errors count as independent, var ū = Σ var/16. A void has the worst
+    As in the thesis the neighbours' errors count as independent, var ū = Σ var/16. A hole has the worst
     variance there is.
     """
     known = np.isfinite(measured)
@@ -119,5 +119,5 @@ def relaxed_variance(measured: Field, variance: Field, springs: Springs, strengt
 
 
 def _data_weight(known: NDArray[np.bool_], variance: Field, strength: float) -> Field:
-    """λσ⁻², 0 in voids (footnote 3 of chapter 2)."""
+    """λσ⁻², 0 in holes (footnote 3 of chapter 2)."""
     return select(known, np.float32(strength) / np.maximum(variance, np.float32(1e-6)), 0)

@@ -153,7 +153,7 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSetting
     power = noise_power(least, window) * np.float32(base.noise_weight)
     _, _, variance = surface.covariance(power)
     with np.errstate(invalid="ignore"):
-        good = choice.sure & (np.abs(off_line) < 2) & (variance < SHARP_PX**2)
+        good = choice.confirmed & (np.abs(off_line) < 2) & (variance < SHARP_PX**2)
     rim = settings.window_radius // 2
     good[:rim] = good[-rim:] = False
     good[:, :rim] = good[:, -rim:] = False

@@ -46,7 +46,7 @@ class Refinement:
     off_line: np.float32
 
     def disparity(self, rows: slice, spacing: np.float32) -> tuple[Field, Field]:
-        """The refined disparity of some rows and its variance, in planes; NaN is a void."""
+        """The refined disparity of some rows and its variance, in planes; NaN is a hole."""
         shift, worth = self.shift[rows], self.worth[rows] * spacing
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             variance = (self.variance[rows] + self.off_line) / (worth * worth)

@@ -67,10 +67,10 @@ def match_literally(
         information = weight_u * projection.slope_x + weight_v * projection.slope_y
         value = predicted.value + (weight_u * found.u + weight_v * found.v) / information
     known = information > 0
-    void = np.float32(np.nan)
+    unknown = np.float32(np.nan)
     return InverseDepth(
-        np.where(known, np.maximum(value, 1e-6), void).astype(np.float32),
-        np.where(known, 1 / information, void).astype(np.float32),
+        np.where(known, np.maximum(value, 1e-6), unknown).astype(np.float32),
+        np.where(known, 1 / information, unknown).astype(np.float32),
         np.zeros(base.shape, np.float32),
     )
 

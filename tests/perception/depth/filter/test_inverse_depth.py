@@ -8,7 +8,7 @@ from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_in
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.refine.holes import fill_voids
+from perception.depth.refine.holes import fill_holes
 from perception.depth.thesis.warp import warp_map
 
 CAMERA = Pinhole(100.0, 100.0, 31.5, 23.5)
@@ -118,13 +118,13 @@ def move_right(state_before: InverseDepth, pixels_at_one: float) -> InverseDepth
     return warp_map(predict_inverse_depth(state_before, moved, 0.0), moved)
 
 
-def test_the_nearer_surface_hides_and_what_comes_into_view_is_void():
+def test_the_nearer_surface_hides_and_what_comes_into_view_is_a_hole():
     value = np.full(SHAPE, 0.2, np.float32)
     value[:, 30:40] = 1.0
     warped = move_right(
         InverseDepth(value, np.full(SHAPE, 1e-6, np.float32), np.full(SHAPE, 0.1, np.float32)), 10.0
     )
-    # The box goes 10 px to the left, the wall 2 px: 8 px of wall are hidden before it and 8 px are void behind it.
+    # The box goes 10 px to the left, the wall 2 px: 8 px of wall are hidden before it and 8 px are a hole behind it.
     row = warped.value[20]
     assert row[20:30] == pytest.approx(np.full(10, 1.0))
     assert np.isnan(row[31:37]).all()
@@ -149,21 +149,21 @@ def test_warping_does_not_make_a_map_surer_by_itself():
     assert warped.variance[known] == pytest.approx(np.full(known.sum(), 1e-4), rel=1e-3)
 
 
-def test_a_hidden_void_takes_the_farther_and_another_the_nearest_side():
+def test_an_occlusion_takes_the_farther_and_another_hole_the_nearest_side():
     row = np.array([0.8, 0.8, np.nan, np.nan, np.nan, 0.2, 0.2], np.float32)
     values = row[None, :].repeat(3, axis=0)
     everywhere = np.ones(values.shape, bool)
-    far, _, _ = fill_voids(values, everywhere, everywhere)
-    near, spread, reach = fill_voids(values, ~everywhere, everywhere)
+    far, _, _ = fill_holes(values, everywhere, everywhere)
+    near, spread, reach = fill_holes(values, ~everywhere, everywhere)
     assert far[1, 2:5].tolist() == pytest.approx([0.2, 0.2, 0.2])
     assert near[1, 2:5].tolist() == pytest.approx([0.8, 0.8, 0.2])
     assert spread[1, 3] == pytest.approx(0.6)
     assert reach[1, 3] == 2
 
 
-def test_a_map_of_nothing_but_voids_stays_void():
+def test_a_map_of_nothing_but_holes_stays_one():
     nothing = np.full((3, 4), np.nan, np.float32)
-    filled, _, _ = fill_voids(nothing, np.ones((3, 4), bool), np.ones((3, 4), bool))
+    filled, _, _ = fill_holes(nothing, np.ones((3, 4), bool), np.ones((3, 4), bool))
     assert np.isnan(filled).all()
 
 

@@ -46,12 +46,12 @@ def test_the_relaxation_ends_at_the_minimum_of_the_energy(even):
     assert relaxed == pytest.approx(exact_minimum(measured, variance, springs, 4.0), abs=1e-4)
 
 
-def test_voids_are_filled_and_a_slanted_surface_stays():
+def test_holes_are_filled_and_a_slanted_surface_stays():
     plane = np.add.outer(0.3 * np.arange(20), 0.2 * np.arange(30)).astype(np.float32)
     measured = plane.copy()
     measured[6:14, 8:20] = np.nan
     relaxed = relax_membrane(measured, np.full_like(plane, 0.01), Springs.even(plane.shape), 4.0, 400)
-    # A plane is harmonic; its free border bends it, and the void lies four pixels away from there.
+    # A plane is harmonic; its free border bends it, and the hole lies four pixels away from there.
     assert np.abs(relaxed - plane)[5:15, 7:21].max() < 0.01
 
 

@@ -18,7 +18,7 @@ def test_a_parabola_is_found_exactly():
     assert least[0, 0] == pytest.approx(7.0)
 
 
-def test_a_ridge_and_a_far_minimum_are_voids():
+def test_a_ridge_and_a_far_minimum_are_holes():
     offset, _, _ = fit_parabola(field(1.0, 5.0), field(2.0, 2.0), field(1.0, 0.5))
     assert np.isnan(offset).all()
 
