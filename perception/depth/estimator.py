@@ -28,7 +28,7 @@ Field = NDArray[np.float32]
 LEAST_PARALLAX_PX = 0.5
 """A motion that moves no point nearer than `near` by this much tells nothing about depth."""
 KEPT_PARALLAX_PX = 12.0
-"""While the motion strays, a picture is kept until the median depth has moved by this much against it."""
+"""While there are epipolar residuals, an image is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
 """Smaller pictures hold no windows, pixels."""
 LEAST_OVERLAP = 0.6
@@ -46,9 +46,9 @@ class DepthMap:
     """The part of the pixels whose match was confirmed both ways."""
     lowest: float = float("nan")
     highest: float = float("nan")
-    stray_px: float = 0.0
-    """How far the matches lay off the epipolar lines of the motion that was given, which was then corrected; 0 when no
-    farther than they err themselves."""
+    residual_px: float = 0.0
+    """Epipolar residual of the motion that was given, which was then corrected; 0 when it is within the matches' own
+    deviation."""
 
     @property
     def depth(self) -> Field:
@@ -71,11 +71,11 @@ def as_grey(image: NDArray[np.uint8]) -> Field:
 
 
 class DepthFromMotion:
-    """The recursive estimator. It keeps one picture and one map; the map stands in the newest view.
+    """The recursive estimator. It keeps one image, the keyframe, and one map, in the newest view.
 
-    The kept picture is the one before, or an older one while the motion strays from what is seen: what such a motion
-    errs along the lines is some pixels on any baseline, and so weighs less on a long one. With `anchored` the kept
-    picture is the first one and the map stays in its view.
+    The keyframe is the image before, or an older one while the motion has epipolar residuals: what such a motion
+    errs along the lines is some pixels on any baseline, and so weighs less on a long one. With `anchored` the keyframe
+    is the first image and the map stays in its view.
     """
 
     def __init__(self, camera: Pinhole, settings: DepthSettings = DEFAULT, anchored: bool = False) -> None:
@@ -169,10 +169,10 @@ class DepthFromMotion:
         confirmed = float(match.confirmed.mean())
         kept.unmeasured = Motion.identity()
         middle = known_median(self._state.value[::4, ::4])
-        far_enough = correction.stray_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
+        far_enough = correction.residual_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
             self._kept = Kept(view, seen_from=pair.translation)
-        return DepthMap(self._state, True, confirmed, *searched, correction.stray_px)
+        return DepthMap(self._state, True, confirmed, *searched, correction.residual_px)
 
     def _step_literally(self, view: View, motion: Motion) -> DepthMap:
         """The pair as chapter 2 treats it, the motion as it is given."""

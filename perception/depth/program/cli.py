@@ -154,7 +154,9 @@ def _print(rows: list["TableRow"], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("picture", "step m", "turn °", "stray px", "confirmed", "known", "depth m", "σ/depth", "ms")
+    table = Table(
+        "picture", "step m", "turn °", "residual px", "confirmed", "known", "depth m", "σ/depth", "ms"
+    )
     judged = any(row.accuracy for row in rows)
     if judged:
         for name in ("median err", "< 25 %", "bad 1", "bad 2", "in 68 %", "in 95 %"):

@@ -51,7 +51,10 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class TableRow:
-    """One picture in the table."""
+    """One image's row; the fields are the columns of table.csv and the keys of the JSON document.
+
+    `stray_px` is the epipolar residual.
+    """
 
     picture: str
     baseline_m: float
@@ -205,7 +208,7 @@ def _row(
         name,
         motion.distance,
         float(np.degrees(motion.angle)),
-        result.stray_px,
+        result.residual_px,
         result.confirmed,
         float(known.mean()),
         float(1 / np.median(value[known])) if known.any() else nan,

@@ -1,8 +1,8 @@
-"""The motion corrected by what strays from its epipolar lines.
+"""The motion corrected by its epipolar residuals.
 
-A match that lies off its line by more than its own deviation says that the motion is wrong. An error (ω, τ) of
-P' = R P + t moves q = R p + ρ t by ω × R p + ρ τ to first order, so that six numbers explain the strays of a
-whole picture. What the error does along the lines looks like depth: of that only the expected size is known.
+A match that lies off its line by more than its own deviation shows that the motion is wrong. An error (ω, τ) of
+P' = R P + t moves q = R p + ρ t by ω × R p + ρ τ to first order, so that six numbers explain the residuals of a
+whole image. What the error does along the lines looks like depth: of that only the expected size is known.
 """
 
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ from perception.image.quantile import median, robust_deviation
 Field = NDArray[np.float32]
 Vector = NDArray[np.float64]
 SHARP_PX = 0.2
-"""Matches at least this sharp across their line are asked, pixels of the coarse level."""
+"""Matches at least this sharp across their line are used, pixels of the coarse level."""
 FEWEST = 100
-"""Fewer of them say nothing about the motion."""
+"""Fewer of them determine no motion."""
 LEAST_OWN_PX = 0.03
-"""No match is surer of its place than this, pixels of the coarse level."""
+"""No match has a smaller deviation than this, pixels of the coarse level."""
 SLACK = 3.0
-"""Strays up to so many times what the matches err by themselves leave the motion as it is."""
+"""Residuals up to so many times the matches' own deviation leave the motion as it is."""
 INDEPENDENT = 6.0
-"""For how many all matches together count: lens and shutter make them stray alike over whole parts of the picture."""
+"""For how many all matches together count: lens and shutter shift them alike over whole parts of the image."""
 ROUNDS = 10
 
 
@@ -39,21 +39,21 @@ class Correction:
     """A motion after its correction, and what is known of its errors, pixels of the finest level."""
 
     motion: Motion
-    stray_px: float
-    """How far the matches lay off the lines of the motion that was given; 0 if no farther than they err themselves."""
+    residual_px: float
+    """Epipolar residual of the motion that was given; 0 if it is within the matches' own deviation."""
     error_px: float
     """By how much the corrected motion may still shift a match along its line."""
 
     def besides(self, turned_px: float) -> "Correction":
         """The same after a turn by so many pixels across the lines, which may err as much along them."""
-        stray, error = (float(np.hypot(px, turned_px)) for px in (self.stray_px, self.error_px))
-        return Correction(self.motion, stray, error)
+        residual, error = (float(np.hypot(px, turned_px)) for px in (self.residual_px, self.error_px))
+        return Correction(self.motion, residual, error)
 
 
 @dataclass(frozen=True)
-class _Strays:
-    """Matches that can be asked: where they lie off their lines and how surely (px), which pixels they are, how far
-    off, and which way their lines run (n × 2)."""
+class _Residuals:
+    """The n matches that are used: their epipolar residuals and variances (px, px²), pixels, inverse depths (1/m), and
+    the directions of their lines (n × 2)."""
 
     geometry: Epipolar
     off_line: Vector
@@ -79,44 +79,46 @@ class _Strays:
 
 
 def correct_motion(coarse: CoarseMatch, settings: DepthSettings) -> Correction:
-    """Estimate (ω, τ) from the strays v of a coarse match: minimise Σ w (v − n·J (ω, τ))² + Σ ω²/σ_ω² + Σ τ²/σ_τ².
+    """Estimate (ω, τ) from the residuals v of a coarse match: minimise Σ w (v − n·J (ω, τ))² + Σ ω²/σ_ω² + Σ τ²/σ_τ².
 
     n is across the line, J = ∂(x', y')/∂(ω, τ), w falls for outliers (Cauchy). Each of the six is expected to
-    move the picture by about as much as the matches stray: σ_ω = s/f, σ_τ = s/(f ρ) with the median ρ. The
+    move the image by about as much as the residuals: σ_ω = s/f, σ_τ = s/(f ρ) with the median ρ. The
     inverse of the Hessian then says how wrong the matches along their lines may still be.
     """
     given = coarse.geometry.motion
-    strays = _find_strays(coarse, coarse.geometry, settings)
-    if len(strays.off_line) < FEWEST:
+    residuals = _find_residuals(coarse, coarse.geometry, settings)
+    if len(residuals.off_line) < FEWEST:
         return Correction(given, 0.0, 0.0)
-    own = max(float(np.sqrt(median(strays.variance))), LEAST_OWN_PX)
-    size = robust_deviation(strays.off_line)
+    own = max(float(np.sqrt(median(residuals.variance))), LEAST_OWN_PX)
+    size = robust_deviation(residuals.off_line)
     if size <= SLACK * own:
         return Correction(given, 0.0, 0.0)
-    focal, middle = coarse.geometry.camera.fx, median(strays.inverse_depth)
+    focal, middle = coarse.geometry.camera.fx, median(residuals.inverse_depth)
     prior = np.diag(np.repeat([(focal / size) ** 2, (focal * middle / size) ** 2], 3))
-    error, information = _explain(strays, np.zeros(6), prior, own)
+    error, information = _explain(residuals, np.zeros(6), prior, own)
     corrected = _apply(error, given)
     # A surface sampled far from its minimum overshoots it: sampled once more where the first answer leads.
-    again = _find_strays(coarse, Epipolar(coarse.geometry.camera, corrected, coarse.geometry.shape), settings)
+    again = _find_residuals(
+        coarse, Epipolar(coarse.geometry.camera, corrected, coarse.geometry.shape), settings
+    )
     if len(again.off_line) >= FEWEST:
-        strays = again
-        error, information = _explain(strays, error, prior, own)
+        residuals = again
+        error, information = _explain(residuals, error, prior, own)
         corrected = _apply(error, given)
-    spread = np.einsum("ni,ij,nj->n", strays.along, np.linalg.inv(information), strays.along)
+    spread = np.einsum("ni,ij,nj->n", residuals.along, np.linalg.inv(information), residuals.along)
     return Correction(corrected, size * coarse.factor, float(np.sqrt(median(spread))) * coarse.factor)
 
 
-def _explain(strays: _Strays, start: Vector, prior: Vector, own: float) -> tuple[Vector, Vector]:
-    """The error (ω, τ) of the given motion and the Hessian, from strays off the motion already corrected by `start`."""
-    off_line = strays.off_line + strays.across @ start
+def _explain(residuals: _Residuals, start: Vector, prior: Vector, own: float) -> tuple[Vector, Vector]:
+    """The error (ω, τ) of the given motion and the Hessian, from the residuals of the motion corrected by `start`."""
+    off_line = residuals.off_line + residuals.across @ start
     error, information = start, prior
     for _ in range(ROUNDS):
-        rest = off_line - strays.across @ error
+        rest = off_line - residuals.across @ error
         scale = max(robust_deviation(rest), own)
         weight = INDEPENDENT / len(rest) / (scale**2 + (rest / 2) ** 2)
-        information = strays.across.T @ (weight[:, None] * strays.across) + prior
-        error = np.asarray(np.linalg.solve(information, strays.across.T @ (weight * off_line)), np.float64)
+        information = residuals.across.T @ (weight[:, None] * residuals.across) + prior
+        error = np.asarray(np.linalg.solve(information, residuals.across.T @ (weight * off_line)), np.float64)
     return error, information
 
 
@@ -144,7 +146,7 @@ def motion_jacobian(geometry: Epipolar, inverse_depth: Vector, column: Vector, r
     return np.asarray(focal * (moved[:, :2] - place * moved[:, 2:]) / scale)
 
 
-def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSettings) -> _Strays:
+def _find_residuals(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSettings) -> _Residuals:
     base, other, choice = coarse.base, coarse.other, coarse.choice
     window = BaseWindow(base.soft, settings.window_radius, Window.TENT)
     projection = geometry.project(choice.inverse_depth)
@@ -160,15 +162,15 @@ def _find_strays(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSetting
     row, column = np.nonzero(good)
     along_x, along_y, _ = projection.line
 
-    def asked(part: Field) -> Vector:
+    def used(part: Field) -> Vector:
         return part[row, column].astype(float)
 
-    return _Strays(
+    return _Residuals(
         geometry,
-        asked(off_line),
-        asked(variance),
+        used(off_line),
+        used(variance),
         column.astype(float),
         row.astype(float),
-        asked(choice.inverse_depth),
-        np.stack((asked(along_x), asked(along_y)), axis=-1),
+        used(choice.inverse_depth),
+        np.stack((used(along_x), used(along_y)), axis=-1),
     )

@@ -24,9 +24,9 @@ FIRST_THINNING = 2
 LINE_THINNING = 3
 """Every third pixel, both ways, is enough to judge the motion and the noise by."""
 LINE_SHARP_PX = 0.2
-"""Matches at least this sharp across their line tell how wrong the motion is."""
+"""Matches at least this sharp across their line show how wrong the motion is."""
 LINE_SLACK = 1.2
-"""… when they stray by more than this many of their own standard deviations."""
+"""… when their epipolar residuals exceed this many of their own standard deviations."""
 SAME_SCALE = 0.003
 """Views whose scales differ by less than this part are softened alike."""
 TYPICAL_PART = 1 / 3
@@ -96,8 +96,8 @@ def refine(
     typical = np.float32(known_median(power[::LINE_THINNING, ::LINE_THINNING]))
     power += np.float32(TYPICAL_PART) * np.maximum(typical - power, 0)
     power *= np.float32(base.noise_weight)
-    stray = line_error(across, across_spread * power[::LINE_THINNING, ::LINE_THINNING])
-    return Refinement(start, shift, spread * power, worth, np.float32(stray**2 + motion_error_px**2))
+    residual = line_error(across, across_spread * power[::LINE_THINNING, ::LINE_THINNING])
+    return Refinement(start, shift, spread * power, worth, np.float32(residual**2 + motion_error_px**2))
 
 
 def _of_one_scale(base: View, other: View, geometry: Epipolar, inverse_depth: float) -> tuple[Field, Between]:
@@ -156,14 +156,14 @@ def line_weight(value: Field, window: BaseWindow, settings: DepthSettings) -> Fi
 
 
 def line_error(across: Field, variance: Field) -> float:
-    """How far the matches lie off their epipolar lines beyond their own deviation: the error of the motion, px.
+    """The epipolar residual beyond the matches' own deviation: the error of the motion, px.
 
     What the motion's error does across the lines it does along them too, where nothing shows it; so it is
-    added to the uncertainty of every match. A short baseline is then believed less than a long one.
+    added to the uncertainty of every match. A short baseline then weighs less than a long one.
     """
     sharp = (variance < LINE_SHARP_PX**2) & np.isfinite(across)
     if np.count_nonzero(sharp) < 100:
         return 0.0
-    stray = robust_deviation(across[sharp])
+    residual = robust_deviation(across[sharp])
     own = max(LINE_SLACK * float(np.sqrt(median(variance[sharp]))), 0.1)
-    return float(np.sqrt(max(stray**2 - own**2, 0.0)))
+    return float(np.sqrt(max(residual**2 - own**2, 0.0)))

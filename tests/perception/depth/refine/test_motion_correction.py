@@ -1,4 +1,4 @@
-"""A motion with errors, corrected by what strays from its epipolar lines."""
+"""A motion with errors, corrected by its epipolar residuals."""
 
 from dataclasses import replace
 
@@ -60,10 +60,10 @@ def test_an_exact_motion_is_left_as_it_is(table: Sequence) -> None:
     motion = table.motions[0]
     found = correct(table, motion)
     assert found.motion is motion
-    assert (found.stray_px, found.error_px) == (0.0, 0.0)
+    assert (found.residual_px, found.error_px) == (0.0, 0.0)
 
 
-# The camera moves right, so that its lines are the rows: pitch and roll stray, yaw looks like depth.
+# The camera moves right, so that its lines are the rows: pitch and roll leave residuals, yaw looks like depth.
 @pytest.mark.parametrize("turn", [(0.01, 0.0, 0.0), (0.0, 0.0, 0.02)], ids=["pitch", "roll"])
 def test_a_wrong_rotation_across_the_lines_is_found(
     table: Sequence, turn: tuple[float, float, float]
@@ -74,7 +74,7 @@ def test_a_wrong_rotation_across_the_lines_is_found(
     assert left < np.linalg.norm(turn) / 3
     # the pitch moves all pixels by 2.8 px, the roll by .02 times their column, 1.3 px in the median; the parabola of a
     # coarse error surface takes that for up to twice as much
-    assert 0.8 < found.stray_px < 6
+    assert 0.8 < found.residual_px < 6
 
 
 def test_the_remaining_error_is_no_smaller_than_what_looks_like_depth(table: Sequence) -> None:
@@ -119,7 +119,7 @@ def test_a_motion_that_errs_by_more_than_a_coarse_pixel_is_found(table: Sequence
     turn = (pitch_px / table.camera.fx, 0.0, 0.0)
     found = estimator.step(table.images[1], disturbed(table.motions[0], turn, (0.0, 0.0, 0.0)))
     # steps of 6 px, and what the coarse match finds beside them
-    assert 5 < found.stray_px < 20
+    assert 5 < found.residual_px < 20
     # what looks like a pitch, a rise or a roll, is a part of the depth
     assert score_map(found, table.truth[1]).median_error < 0.1
     assert found.confirmed > 0.9
@@ -133,11 +133,11 @@ def test_steps_that_err_alike_are_followed_although_their_errors_add_up() -> Non
     for image, motion in zip(table.images[1:4], table.motions[:3], strict=True):
         found = estimator.step(image, disturbed(motion, (2 / table.camera.fx, 0.0, 0.0), (0.0, 0.0, 0.0)))
         # alone or added up, and the coarse match takes them for up to twice as much
-        assert 1.5 < found.stray_px < 12
+        assert 1.5 < found.residual_px < 12
     assert score_map(found, table.truth[3]).median_error < 0.03
 
 
-def test_a_straying_motion_keeps_the_picture_until_the_baseline_is_long() -> None:
+def test_a_motion_with_residuals_keeps_the_keyframe_until_the_baseline_is_long() -> None:
     # a step of .03 m to the right shifts the median, 2.1 m away, by 4 px: two stay below the limit of 12, four do not
     table = table_top(frames=10, size=(256, 192))
     estimator = DepthFromMotion(table.camera, DEFAULT)
@@ -150,7 +150,7 @@ def test_a_straying_motion_keeps_the_picture_until_the_baseline_is_long() -> Non
     assert kept[4] is not kept[0]
 
 
-def test_standing_still_is_no_second_measurement_of_a_straying_pair(table: Sequence) -> None:
+def test_standing_still_is_no_second_measurement_of_a_pair_with_residuals(table: Sequence) -> None:
     estimator = DepthFromMotion(table.camera, DEFAULT)
     estimator.start(table.images[0])
     assert estimator.step(
