@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.errors import ImageError
-from perception.depth.filter.forward_warp import carry_map
+from perception.depth.filter.forward_warp import forward_warp
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.keyframe import Kept
+from perception.depth.keyframe import Keyframe
 from perception.depth.match.coarse_match import LESS_COST, match_turned
 from perception.depth.match.search_range import expected_range, widest_range, with_margin
 from perception.depth.match.view import View
@@ -27,7 +27,7 @@ from perception.image.quantile import known_median
 Field = NDArray[np.float32]
 LEAST_PARALLAX_PX = 0.5
 """A motion that moves no point nearer than `near` by this much tells nothing about depth."""
-KEPT_PARALLAX_PX = 12.0
+KEYFRAME_PARALLAX_PX = 12.0
 """While there are epipolar residuals, an image is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
 """Smaller pictures hold no windows, pixels."""
@@ -82,7 +82,7 @@ class DepthFromMotion:
         self.camera = camera
         self.settings = settings
         self.anchored = anchored
-        self._kept: Kept | None = None
+        self._keyframe: Keyframe | None = None
         self._state: InverseDepth | None = None
         self._colour = False
 
@@ -103,9 +103,9 @@ class DepthFromMotion:
                 f"a picture of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
             )
         keep_freed_memory()
-        self._kept = Kept(view)
+        self._keyframe = Keyframe(view)
         self._colour = image.ndim == 3
-        shape = self._kept.view.shape
+        shape = self._keyframe.view.shape
         self._state = self._presumed(shape) if self.settings.literal else InverseDepth.unknown(shape)
         return DepthMap(self._state, False, 0.0)
 
@@ -119,28 +119,28 @@ class DepthFromMotion:
         Raises:
             ImageError: the picture differs from the first in size or kind.
         """
-        if self._kept is None or self._state is None:
+        if self._keyframe is None or self._state is None:
             raise ImageError("the first picture is given to start(), not to step()")
         view = View(as_grey(image))
         self._check(image, view)
         if self.settings.literal:
             return self._step_literally(view, motion)
-        kept, shape = self._kept, view.shape
-        kept.advance(motion, self.anchored)
-        base, other = (kept.view, view) if self.anchored else (view, kept.view)
-        geometry = Epipolar(self.camera, kept.given if self.anchored else kept.given.inverse(), shape)
-        if self._parallax(kept.unmeasured, shape) < LEAST_PARALLAX_PX:
+        keyframe, shape = self._keyframe, view.shape
+        keyframe.advance(motion, self.anchored)
+        base, other = (keyframe.view, view) if self.anchored else (view, keyframe.view)
+        geometry = Epipolar(self.camera, keyframe.given if self.anchored else keyframe.given.inverse(), shape)
+        if self._parallax(keyframe.unmeasured, shape) < LEAST_PARALLAX_PX:
             if not self.anchored:
-                self._state = self._predict(kept.correct(kept.corrected.then(motion)), shape)
+                self._state = self._predict(keyframe.correct(keyframe.corrected.then(motion)), shape)
                 if not geometry.overlaps(LEAST_OVERLAP):
-                    self._kept = Kept(view)
+                    self._keyframe = Keyframe(view)
             return DepthMap(self._state, False, 0.0)
         limits = widest_range(geometry, self.settings)
         expected = expected_range(self._state, 0.0 if self.anchored else float(motion.translation[2]))
         searched = None if expected is None else with_margin(expected, limits, geometry)
         coarse, turned = match_turned(base, other, geometry, searched or limits, self.settings)
-        tracked = kept.corrected.then(motion)
-        apart = kept.given.inverse().then(tracked)
+        tracked = keyframe.corrected.then(motion)
+        apart = keyframe.given.inverse().then(tracked)
         if not self.anchored and apart.angle + apart.distance > 1e-6:
             # Steps that were measured one by one err the more the more of them there are since the kept picture.
             stepped = Epipolar(self.camera, tracked.inverse(), shape)
@@ -153,10 +153,10 @@ class DepthFromMotion:
         geometry = Epipolar(self.camera, correction.motion, shape)
         predicted = self._state
         if not self.anchored:
-            predicted = self._predict(kept.correct(correction.motion.inverse()), shape)
+            predicted = self._predict(keyframe.correct(correction.motion.inverse()), shape)
         match = match_pair(base, other, geometry, *searched, predicted, self.settings, correction.error_px)
         pair = geometry.motion if self.anchored else geometry.motion.inverse()
-        shared = np.float32(0.5 * kept.likeness(pair)) * match.refined
+        shared = np.float32(0.5 * keyframe.baseline_cosine(pair)) * match.refined
         self._state = fuse(
             predicted,
             match.measured,
@@ -167,22 +167,22 @@ class DepthFromMotion:
             shared,
         )
         confirmed = float(match.confirmed.mean())
-        kept.unmeasured = Motion.identity()
+        keyframe.unmeasured = Motion.identity()
         middle = known_median(self._state.value[::4, ::4])
-        far_enough = correction.residual_px == 0 or geometry.parallax(middle, 0.0) >= KEPT_PARALLAX_PX
+        far_enough = correction.residual_px == 0 or geometry.parallax(middle, 0.0) >= KEYFRAME_PARALLAX_PX
         if not self.anchored and (far_enough or confirmed < LEAST_OVERLAP):
-            self._kept = Kept(view, seen_from=pair.translation)
+            self._keyframe = Keyframe(view, seen_from=pair.translation)
         return DepthMap(self._state, True, confirmed, *searched, correction.residual_px)
 
     def _step_literally(self, view: View, motion: Motion) -> DepthMap:
         """The pair as chapter 2 treats it, the motion as it is given."""
-        assert self._kept is not None
+        assert self._keyframe is not None
         assert self._state is not None
         shape = view.shape
         predicted = self._state if self.anchored else self._predict(motion, shape)
-        base, other = (self._kept.view, view) if self.anchored else (view, self._kept.view)
+        base, other = (self._keyframe.view, view) if self.anchored else (view, self._keyframe.view)
         if not self.anchored:
-            self._kept = Kept(view)
+            self._keyframe = Keyframe(view)
         self._state = predicted
         if self._parallax(motion, shape) < LEAST_PARALLAX_PX:
             return DepthMap(predicted, False, 0.0)
@@ -204,7 +204,7 @@ class DepthFromMotion:
         moved = Epipolar(self.camera, motion, shape).project(self._state.value)
         predicted = predict_inverse_depth(self._state, moved, self.settings.drift)
         if not self.settings.literal:
-            return carry_map(predicted, moved)
+            return forward_warp(predicted, moved)
         warped, start = warp_map(predicted, moved, reach=2, independent=True), self._presumed(shape)
         hole = ~np.isfinite(warped.value)
         return InverseDepth(
@@ -222,9 +222,9 @@ class DepthFromMotion:
         )
 
     def _check(self, image: NDArray[np.uint8], view: View) -> None:
-        assert self._kept is not None
-        if view.shape != self._kept.view.shape:
-            height, width = self._kept.view.shape
+        assert self._keyframe is not None
+        if view.shape != self._keyframe.view.shape:
+            height, width = self._keyframe.view.shape
             raise ImageError(
                 f"a picture of {view.shape[1]}×{view.shape[0]} after one of {width}×{height}: all must have one size"
             )

@@ -1,4 +1,4 @@
-"""The one picture that is kept."""
+"""The keyframe: the one image that is kept, and the motion since."""
 
 from dataclasses import dataclass, field
 
@@ -10,31 +10,31 @@ from perception.depth.match.view import View
 
 
 @dataclass
-class Kept:
-    """The kept picture and the motion from it to the newest one, as it was given and as it was corrected; and what
-    the camera has moved since it last measured."""
+class Keyframe:
+    """The kept image, the motion from it to the newest one as given and as corrected, and the motion since the last
+    measurement."""
 
     view: View
     given: Motion = field(default_factory=Motion.identity)
     corrected: Motion = field(default_factory=Motion.identity)
     unmeasured: Motion = field(default_factory=Motion.identity)
     seen_from: NDArray[np.float64] | None = None
-    """Where the other picture of the last pair that this one was in stood, in this one's frame, m."""
+    """The other camera's position in the last pair of this image, in this image's frame, m."""
 
     def advance(self, motion: Motion, anchored: bool) -> None:
-        """The next picture; its motion is from the kept one when anchored, from the one before otherwise."""
+        """Count the next image; its motion is from the keyframe when anchored, from the image before otherwise."""
         self.given = motion if anchored else self.given.then(motion)
         self.unmeasured = motion if anchored else self.unmeasured.then(motion)
 
     def correct(self, corrected: Motion) -> Motion:
-        """Take the corrected motion from the kept picture to the newest; what it makes of the motion to step by."""
+        """Take the corrected motion from the keyframe to the newest image; the step that it makes of the last one."""
         step = self.corrected.inverse().then(corrected)
         self.corrected = corrected
         return step
 
-    def likeness(self, pair: Motion) -> float:
+    def baseline_cosine(self, pair: Motion) -> float:
         """Cosine of the angle between the baselines of the last pair and of this one, along which the noise of the
-        kept picture errs in both; 0 for the first. `pair` is the motion from the kept picture."""
+        keyframe errs in both; 0 for the first. `pair` is the motion from the keyframe."""
         before, now = self.seen_from, pair.inverse().translation
         self.seen_from = now
         if before is None:

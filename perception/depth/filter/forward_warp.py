@@ -1,4 +1,4 @@
-"""The predicted map carried to the pixels of the new view by bilinear interpolation, hidden points left out.
+"""Forward warp: the predicted map at the pixels of the new view, by bilinear interpolation, occlusions left out.
 
 What (2.29) does for a 3×3 neighbourhood, done backward: each pixel of the new view takes the nearest of
 the points that fall on it, and looks up the map where that point's displacement leads back to.
@@ -22,12 +22,12 @@ STEEPEST = 0.3
 """Slopes of the disparity beyond this are discontinuities."""
 
 
-def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
+def forward_warp(predicted: InverseDepth, moved: Projection) -> InverseDepth:
     """The predicted map at the pixels of the new view; NaN where nothing falls, for that has come into view.
 
     Args:
-        predicted: ρ' and P', still at the pixels they were predicted from.
-        moved: where those pixels have gone.
+        predicted: ρ' (1/m) and P' (1/m²), still at the pixels they were predicted from; height × width.
+        moved: where those pixels go.
     """
     height, width = shape = predicted.value.shape
     source = _nearest_source(predicted, moved)
@@ -35,11 +35,11 @@ def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
     away_x, away_y = moved.x - x, moved.y - y
     filled = select(np.isfinite(predicted.value), predicted.value, -1e6)
 
-    def draw_out(band: Band) -> tuple[Field]:
-        variance = predicted.variance[band.inner] / np.square(_stretch(predicted, moved, band))
+    def stretch(band: Band) -> tuple[Field]:
+        variance = predicted.variance[band.inner] / np.square(_stretching(predicted, moved, band))
         return (np.asarray(variance, np.float32),)
 
-    (variance,) = join_bands(shape, draw_out, SLOPE_PX // 2 + 1)
+    (variance,) = join_bands(shape, stretch, SLOPE_PX // 2 + 1)
 
     def fetch(band: Band) -> tuple[Field, ...]:
         here = source[band.inner]
@@ -62,19 +62,19 @@ def carry_map(predicted: InverseDepth, moved: Projection) -> InverseDepth:
     return InverseDepth(*join_bands(shape, fetch))
 
 
-def _stretch(predicted: InverseDepth, moved: Projection, band: Band) -> Field:
-    """How far the surface is drawn out where it lands, 1 + C·∇ρ; 1 is as it was.
+def _stretching(predicted: InverseDepth, moved: Projection, band: Band) -> Field:
+    """How far the surface is stretched where it lands, 1 + C·∇ρ; 1 is as it was.
 
-    A point of wrong depth lands beside its place by C e, where a sloping surface has another depth, so that what
-    is wrong at a pixel is e/(1 + C·∇ρ): it grows from picture to picture where the surface is pressed together.
+    A point with the error e lands beside its place by C e, where a sloping surface has another depth, so that the
+    error at a pixel is e/(1 + C·∇ρ): it grows from image to image where the surface is compressed.
     """
     rows = band.outer
     known = cv2.patchNaNs(predicted.value[rows] * moved.scale[rows], 0)
     smooth = cv2.blur(known, (SLOPE_PX, SLOPE_PX))
     across = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, ksize=1, scale=0.5)
     down = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, ksize=1, scale=0.5)
-    drawn = across * moved.slope_x[rows] + down * moved.slope_y[rows]
-    return np.asarray((1 + cv2.patchNaNs(np.clip(drawn, -STEEPEST, STEEPEST), 0))[band.trim], np.float32)
+    stretched = across * moved.slope_x[rows] + down * moved.slope_y[rows]
+    return np.asarray((1 + cv2.patchNaNs(np.clip(stretched, -STEEPEST, STEEPEST), 0))[band.trim], np.float32)
 
 
 def _nearest_source(predicted: InverseDepth, moved: Projection) -> NDArray[np.int32]:

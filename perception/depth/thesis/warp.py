@@ -1,4 +1,4 @@
-"""The predicted map carried to the pixels of the new view, thesis (2.29), hidden points left out."""
+"""Forward warp of the predicted map to the pixels of the new view, thesis (2.29), occlusions left out."""
 
 import numpy as np
 from numpy.typing import NDArray

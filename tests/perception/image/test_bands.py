@@ -67,7 +67,7 @@ def run(anchored: bool) -> list[np.ndarray]:
     return [part for found in maps for part in (found.state.value, found.state.variance, found.state.cost)]
 
 
-@pytest.mark.parametrize("anchored", [False, True], ids=["carried", "anchored"])
+@pytest.mark.parametrize("anchored", [False, True], ids=["warped", "anchored"])
 def test_the_map_does_not_depend_on_bands_or_threads(anchored: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = run(anchored)
     monkeypatch.setattr(room, "ALONE", 0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.filter.forward_warp import carry_map
+from perception.depth.filter.forward_warp import forward_warp
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
@@ -175,11 +175,11 @@ def test_an_error_grows_where_the_surface_is_pressed_together() -> None:
     motion = Motion(np.eye(3), np.array([-0.1, 0, 0]))
     geometry = Epipolar(CAMERA, motion, SHAPE)
 
-    def carried(value: np.ndarray) -> InverseDepth:
+    def warped(value: np.ndarray) -> InverseDepth:
         moved = geometry.project(value)
-        return carry_map(predict_inverse_depth(state(value), moved, 0.0), moved)
+        return forward_warp(predict_inverse_depth(state(value), moved, 0.0), moved)
 
     inner = (slice(8, -8), slice(8, 32))
-    grown = (carried(plane + offset).value - carried(plane).value)[inner] / offset
+    grown = (warped(plane + offset).value - warped(plane).value)[inner] / offset
     np.testing.assert_allclose(np.median(grown), 1 / (1 - slope), rtol=0.01)
-    np.testing.assert_allclose(np.sqrt(carried(plane).variance[inner] / 1e-4), 1 / (1 - slope), rtol=0.01)
+    np.testing.assert_allclose(np.sqrt(warped(plane).variance[inner] / 1e-4), 1 / (1 - slope), rtol=0.01)

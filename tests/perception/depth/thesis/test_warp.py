@@ -1,4 +1,4 @@
-"""The map carried to the new view, thesis (2.29)."""
+"""The map warped to the new view, thesis (2.29)."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def certain(value: np.ndarray, variance: float = 1e-6) -> InverseDepth:
     return InverseDepth(value, np.full_like(value, variance), np.zeros_like(value))
 
 
-def test_whole_pixels_are_carried_as_they_are() -> None:
+def test_whole_pixels_stay_as_they_are() -> None:
     state = warp_map(certain(row(0.1, 0.2, 0.3, 0.4)), moved_to(row(1, 2, 3, 4)))
     # the distance 0 enters as 1/(0 + .001); the neighbours a whole pixel away are not reached
     np.testing.assert_allclose(state.value, row(np.nan, 0.1, 0.2, 0.3), rtol=1e-6)
