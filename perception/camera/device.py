@@ -109,7 +109,7 @@ def open_camera(
 ) -> SlotCamera:
     """The camera that ``text`` names, not yet opened; raises CameraNotFound."""
     source = find_source(text)
-    if source.kind in ("folder", "film"):
+    if source.kind in ("folder", "video"):
         # Only what reads files itself needs OpenCV in this process.
         from perception.camera.recorded import RecordedCamera
 

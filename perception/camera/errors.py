@@ -10,7 +10,7 @@ class CameraNotFound(CameraError):
 
 
 class CameraLost(CameraError):
-    """The camera was there and is gone: unplugged, closed by its server, out of pictures."""
+    """The camera was there and is gone: unplugged, closed by its server, out of images."""
 
 
 class CameraStalled(CameraError):

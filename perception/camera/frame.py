@@ -1,4 +1,4 @@
-"""A picture with the moment of its exposure, and what gives such pictures."""
+"""An image with the moment of its exposure, and what gives such images."""
 
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture: (height, width) grey or (height, width, 3) BGR, and when it was exposed.
+    """One image: (height, width) grey or (height, width, 3) BGR, and when it was exposed.
 
     ``stamp`` is the middle of the exposure, in seconds on the clock of the event loop.
-    ``sequence`` counts the camera's exposures: a gap of n is n - 1 lost pictures.
+    ``sequence`` counts the camera's exposures: a gap of n is n - 1 lost images.
     """
 
     image: Image

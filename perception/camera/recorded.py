@@ -1,4 +1,4 @@
-"""Pictures that already exist, played at a given rate: folders and films, without a thread."""
+"""Images that already exist, played at a given rate: folders and videos, without a thread."""
 
 import asyncio
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ from perception.camera.errors import CameraError, CameraLost, CameraNotFound
 from perception.camera.frame import Frame, Image
 from perception.camera.grey import as_grey
 from perception.camera.slot import SlotCamera
-from perception.camera.source import Source, pictures_in
+from perception.camera.source import Source, images_in
 
 
 class RecordedCamera(SlotCamera):
-    """A folder of pictures or a film file, one picture each 1/``rate`` s of the loop's clock.
+    """A folder of images or a video file, one image each 1/``rate`` s of the loop's clock.
 
     Deterministic in virtual time. At the end it starts again when ``repeat`` is set, else CameraLost.
     """
@@ -32,11 +32,11 @@ class RecordedCamera(SlotCamera):
         self._player: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Start to play; raises CameraNotFound when the first picture cannot be read."""
+        """Start to play; raises CameraNotFound when the first image cannot be read."""
         await super().open()
         first = next(self._images(), None)
         if first is None:
-            raise CameraNotFound(f"camera {self.name}: no picture can be read")
+            raise CameraNotFound(f"camera {self.name}: no image can be read")
         self._player = asyncio.create_task(self._play(), name=f"camera {self.name}")
 
     async def close(self) -> None:
@@ -63,23 +63,23 @@ class RecordedCamera(SlotCamera):
                 sequence += 1
             if not self._repeat:
                 await asyncio.sleep(start + sequence * self._period - loop.time())
-                raise CameraLost(f"camera {self.name} has come to its end after {sequence} pictures")
+                raise CameraLost(f"camera {self.name} has come to its end after {sequence} images")
 
     def _images(self) -> Iterator[Image]:
         if self._source.kind == "folder":
-            for path in pictures_in(self._source.place):
+            for path in images_in(self._source.place):
                 flag = cv2.IMREAD_GRAYSCALE if self._grey else cv2.IMREAD_COLOR
-                picture = cv2.imdecode(np.fromfile(path, np.uint8), flag)
-                if picture is None:
-                    raise CameraLost(f"camera {self.name}: {path} cannot be read as a picture")
-                yield np.asarray(picture, np.uint8)
+                image = cv2.imdecode(np.fromfile(path, np.uint8), flag)
+                if image is None:
+                    raise CameraLost(f"camera {self.name}: {path} cannot be read as an image")
+                yield np.asarray(image, np.uint8)
             return
-        film = cv2.VideoCapture(self._source.place)
+        video = cv2.VideoCapture(self._source.place)
         try:
             while True:
-                got, picture = film.read()
+                got, image = video.read()
                 if not got:
                     return
-                yield as_grey(picture) if self._grey else np.asarray(picture, np.uint8)
+                yield as_grey(image) if self._grey else np.asarray(image, np.uint8)
         finally:
-            film.release()
+            video.release()

@@ -1,4 +1,4 @@
-"""The latest-frame slot: a camera's newest picture, what was dropped over it, and why it is down."""
+"""The latest-frame slot: a camera's newest image, what was dropped over it, and why it is down."""
 
 import asyncio
 from collections.abc import AsyncIterator

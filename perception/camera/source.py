@@ -1,4 +1,4 @@
-"""What a camera may be opened from: a device, a film, a folder of pictures, an address."""
+"""What a camera may be opened from: a device, a video file, a folder of images, an address."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,13 +7,13 @@ from urllib.parse import urlsplit
 
 from perception.camera.errors import CameraNotFound
 
-Kind = Literal["device", "film", "folder", "address"]
-PICTURES = frozenset({".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".bmp", ".tif", ".tiff"})
+Kind = Literal["device", "video", "folder", "address"]
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".bmp", ".tif", ".tiff"})
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where the pictures come from; a device's ``place`` is its path in /dev with links resolved."""
+    """Where the images come from; a device's ``place`` is its path in /dev with links resolved."""
 
     kind: Kind
     place: str
@@ -23,7 +23,7 @@ def find_source(text: str) -> Source:
     """Tell what ``text`` names; raises CameraNotFound when there is no such thing.
 
     A number n is /dev/videoN; a bare name is looked for in /dev/v4l/by-id, so that a camera keeps its side
-    when the cables are swapped; a folder is its pictures in the order of their names; tcp, udp, http(s) and
+    when the cables are swapped; a folder is its images in the order of their names; tcp, udp, http(s) and
     rtsp addresses go to OpenCV.
     """
     if not text:
@@ -38,13 +38,13 @@ def find_source(text: str) -> Source:
     if path.is_dir():
         return Source("folder", str(path))
     if path.is_file():
-        return Source("film", str(path))
+        return Source("video", str(path))
     raise CameraNotFound(f"no camera {text!r}: {path} does not exist")
 
 
-def pictures_in(folder: str) -> list[Path]:
-    """The pictures of a folder in the order of their names; raises CameraNotFound when there is none."""
-    found = sorted(path for path in Path(folder).iterdir() if path.suffix.lower() in PICTURES)
+def images_in(folder: str) -> list[Path]:
+    """The images of a folder in the order of their names; raises CameraNotFound when there is none."""
+    found = sorted(path for path in Path(folder).iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
     if not found:
-        raise CameraNotFound(f"no pictures in {folder} (looked for {', '.join(sorted(PICTURES))})")
+        raise CameraNotFound(f"no images in {folder} (looked for {', '.join(sorted(IMAGE_SUFFIXES))})")
     return found

@@ -1,1 +1,1 @@
-"""Depth from motion: pictures and the camera's motion in, inverse depth with its uncertainty out."""
+"""Depth from motion: images and the camera's motion in, inverse depth with its uncertainty out."""

@@ -6,7 +6,7 @@ class DepthError(Exception):
 
 
 class ImageError(DepthError):
-    """A picture that cannot be used: unreadable, of another size, colour where grey was expected."""
+    """An image that cannot be used: unreadable, of another size, colour where grey was expected."""
 
 
 class MotionError(DepthError):

@@ -1,4 +1,4 @@
-"""Depth from motion, picture by picture: predict, match, regularise, fuse (thesis figure 2.8)."""
+"""Depth from motion, image by image: predict, match, regularise, fuse (thesis figure 2.8)."""
 
 from dataclasses import dataclass
 
@@ -30,14 +30,14 @@ LEAST_PARALLAX_PX = 0.5
 KEYFRAME_PARALLAX_PX = 12.0
 """While there are epipolar residuals, an image is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
-"""Smaller pictures hold no windows, pixels."""
+"""Smaller images hold no windows, pixels."""
 LEAST_OVERLAP = 0.6
-"""A picture is not kept when less than this part of the newest is confirmed by it, or could be."""
+"""An image is not kept when less than this part of the newest is confirmed by it, or could be."""
 
 
 @dataclass(frozen=True)
 class DepthMap:
-    """The state after a picture: inverse depth of the map's view, and how it came about."""
+    """The state after an image: inverse depth of the map's view, and how it came about."""
 
     state: InverseDepth
     measured: bool
@@ -62,11 +62,11 @@ class DepthMap:
 
 
 def as_grey(image: NDArray[np.uint8]) -> Field:
-    """The picture as grey levels in single precision."""
+    """The image as grey levels in single precision."""
     if image.ndim == 3 and image.shape[2] == 3:
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
     if image.ndim != 2:
-        raise ImageError(f"a picture of shape {image.shape} is neither grey nor colour")
+        raise ImageError(f"an image of shape {image.shape} is neither grey nor colour")
     return image.astype(np.float32)
 
 
@@ -88,19 +88,19 @@ class DepthFromMotion:
 
     @property
     def state(self) -> InverseDepth | None:
-        """Inverse depth and variance of the map's view, or None before the first picture."""
+        """Inverse depth and variance of the map's view, or None before the first image."""
         return self._state
 
     def start(self, image: NDArray[np.uint8]) -> DepthMap:
-        """Take the first picture.
+        """Take the first image.
 
         Raises:
-            ImageError: it is no picture, or too small to hold a window.
+            ImageError: it is no image, or too small to hold a window.
         """
         view = View(as_grey(image))
         if min(view.shape) < LEAST_SIDE:
             raise ImageError(
-                f"a picture of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
+                f"an image of {view.shape[1]}×{view.shape[0]}: at least {LEAST_SIDE}×{LEAST_SIDE} are needed"
             )
         keep_freed_memory()
         self._keyframe = Keyframe(view)
@@ -110,17 +110,17 @@ class DepthFromMotion:
         return DepthMap(self._state, False, 0.0)
 
     def step(self, image: NDArray[np.uint8], motion: Motion) -> DepthMap:
-        """Take the next picture.
+        """Take the next image.
 
         Args:
-            image: height × width grey or × 3 colour (BGR), of the first picture's size and kind.
-            motion: from the view of the picture before (the first one when anchored) to this one.
+            image: height × width grey or × 3 colour (BGR), of the first image's size and kind.
+            motion: from the view of the image before (the first one when anchored) to this one.
 
         Raises:
-            ImageError: the picture differs from the first in size or kind.
+            ImageError: the image differs from the first in size or kind.
         """
         if self._keyframe is None or self._state is None:
-            raise ImageError("the first picture is given to start(), not to step()")
+            raise ImageError("the first image is given to start(), not to step()")
         view = View(as_grey(image))
         self._check(image, view)
         if self.settings.literal:
@@ -142,7 +142,7 @@ class DepthFromMotion:
         tracked = keyframe.corrected.then(motion)
         apart = keyframe.given.inverse().then(tracked)
         if not self.anchored and apart.angle + apart.distance > 1e-6:
-            # Steps that were measured one by one err the more the more of them there are since the kept picture.
+            # Steps that were measured one by one err the more the more of them there are since the kept image.
             stepped = Epipolar(self.camera, tracked.inverse(), shape)
             again, turned_again = match_turned(base, other, stepped, searched or limits, self.settings)
             if again.cost < LESS_COST * coarse.cost:
@@ -226,10 +226,10 @@ class DepthFromMotion:
         if view.shape != self._keyframe.view.shape:
             height, width = self._keyframe.view.shape
             raise ImageError(
-                f"a picture of {view.shape[1]}×{view.shape[0]} after one of {width}×{height}: all must have one size"
+                f"an image of {view.shape[1]}×{view.shape[0]} after one of {width}×{height}: all must have one size"
             )
         if (image.ndim == 3) != self._colour:
             kinds = ("grey", "colour")
             raise ImageError(
-                f"a {kinds[image.ndim == 3]} picture after a {kinds[self._colour]} one: all must be alike"
+                f"a {kinds[image.ndim == 3]} image after a {kinds[self._colour]} one: all must be alike"
             )

@@ -1,4 +1,4 @@
-"""One pair of pictures: the depth of the base view by sweep, scanline aggregation, check and error surface."""
+"""One pair of images: the depth of the base view by sweep, scanline aggregation, check and error surface."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -76,10 +76,10 @@ def match_pair(
     settings: DepthSettings,
     motion_error_px: float = 0.0,
 ) -> Match:
-    """Match the base picture with the other one and regularise.
+    """Match the base image with the other one and regularise.
 
     Args:
-        base, other: the two pictures.
+        base, other: the two images.
         geometry: from the base view to the other.
         lowest, highest: inverse depths between which to search.
         predicted: what is expected of the base view; NaN where nothing is.

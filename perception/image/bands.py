@@ -1,4 +1,4 @@
-"""A picture worked through in bands of rows, several at a time.
+"""An image worked through in bands of rows, several at a time.
 
 NumPy leaves all processors but one idle; as it and OpenCV let go of the interpreter, threads need not. A band with the
 rows around it that its filters look at, its halo, gives the same bits as the whole.
@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 PIXELS = 1 << 17
 """Most pixels of a band. Smaller ones fit the cache better, but what their halos add costs more."""
 ALONE = 1 << 16
-"""A picture of fewer pixels is done before a second thread has woken."""
+"""An image of fewer pixels is done before a second thread has woken."""
 STEP = 12
 """Bands begin at multiples of this many rows, so that every second or third row is the same in band and whole."""
 MOST_THREADS = 4
@@ -28,7 +28,7 @@ MOST_THREADS = 4
 
 @dataclass(frozen=True)
 class Band:
-    """Rows of a picture: those to work with, those of them to keep, and where the latter lie in the former."""
+    """Rows of an image: those to work with, those of them to keep, and where the latter lie in the former."""
 
     outer: slice
     inner: slice
@@ -36,7 +36,7 @@ class Band:
 
 
 def bands(shape: tuple[int, int], halo: int = 0) -> list[Band]:
-    """The bands of a picture of `shape`, each with `halo` more rows on both sides as far as there are any.
+    """The bands of an image of `shape`, each with `halo` more rows on both sides as far as there are any.
 
     They depend on nothing but the shape, so that a result cannot depend on the machine.
     """
@@ -57,7 +57,7 @@ def bands(shape: tuple[int, int], halo: int = 0) -> list[Band]:
 def share(work: Callable[[Item], None], items: Iterable[Item], pixels: int = ALONE) -> None:
     """Do the work for every item, several at a time, and wait for all.
 
-    Work on pictures of few `pixels` is done in turn; so is work that shares its own, for it would wait for the thread
+    Work on images of few `pixels` is done in turn; so is work that shares its own, for it would wait for the thread
     it runs in.
     """
     if pixels < ALONE or _threads() == 1 or getattr(_here, "shared", False):
@@ -71,7 +71,7 @@ def share(work: Callable[[Item], None], items: Iterable[Item], pixels: int = ALO
 def join_bands(
     shape: tuple[int, int], work: Callable[[Band], tuple[NDArray[Any], ...]], halo: int = 0
 ) -> tuple[NDArray[Any], ...]:
-    """What the work makes of every band, its inner rows alone, put together to whole pictures."""
+    """What the work makes of every band, its inner rows alone, put together to whole images."""
     wholes: list[NDArray[Any]] = []
     lock = Lock()
 

@@ -17,7 +17,7 @@ FIRST = np.array([[-2, 13, -50, 0, 50, -13, 2]], np.float32) / np.float32(60)
 
 
 class Between:
-    """A picture that can be asked between its pixels."""
+    """An image that can be asked between its pixels."""
 
     def __init__(self, grey: Field) -> None:
         self._across, self._down = _correlate(grey, SECOND), _correlate(grey, SECOND.T)

@@ -1,4 +1,4 @@
-"""Freed memory kept for the next picture."""
+"""Freed memory kept for the next image."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def keep_freed_memory() -> None:
     """Let glibc keep what is freed, up to twice `KEPT`, instead of handing it back to the system.
 
     What it keeps grows with the greatest block that was ever freed (mallopt(3), M_MMAP_THRESHOLD), so that one is
-    taken here and freed. Nobody writes to it: it costs no memory. The arrays of a picture are wanted again a moment
+    taken here and freed. Nobody writes to it: it costs no memory. The arrays of an image are wanted again a moment
     after they were freed, and getting their pages anew took an eighth of the time. Other allocators do not mind.
     """
     np.empty(KEPT, np.uint8)

@@ -1,4 +1,4 @@
-"""A picture seen through the homography of a plane."""
+"""An image seen through the homography of a plane."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
-Picture = NDArray[Any]
+AnyImage = NDArray[Any]
 STILL = 1e-9
 """A homography that differs less from a shift is one."""
 WHOLE_PX = 1 / 512
@@ -26,8 +26,8 @@ def find_shift(homography: Matrix) -> tuple[float, float] | None:
     return (x, y) if np.abs(even - np.eye(3)).max() < STILL else None
 
 
-def shift_picture(image: Picture, x: float, y: float, outside: int) -> Picture:
-    """What stands at (column + x, row + y), linear between pixels; `outside` where the picture ends.
+def shift_image(image: AnyImage, x: float, y: float, outside: int) -> AnyImage:
+    """What stands at (column + x, row + y), linear between pixels; `outside` where the image ends.
 
     Args:
         image: one channel, height × width.
@@ -54,8 +54,8 @@ def shift_picture(image: Picture, x: float, y: float, outside: int) -> Picture:
     return shifted
 
 
-def warp_picture(image: Picture, homography: Matrix, interpolation: int, outside: int) -> Picture:
-    """The picture seen through a homography from the result's pixels to the picture's; `outside` where it ends."""
+def warp_image(image: AnyImage, homography: Matrix, interpolation: int, outside: int) -> AnyImage:
+    """The image seen through a homography from the result's pixels to the image's; `outside` where it ends."""
     return np.asarray(
         cv2.warpPerspective(
             image,

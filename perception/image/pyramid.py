@@ -8,7 +8,7 @@ Field = NDArray[np.float32]
 
 
 def build_pyramid(grey: Field, levels: int) -> list[Field]:
-    """The picture and its halvings, finest first; no level is made smaller than 16 pixels."""
+    """The image and its halvings, finest first; no level is made smaller than 16 pixels."""
     pyramid = [grey]
     while len(pyramid) < levels and min(pyramid[-1].shape) >= 32:
         height, width = pyramid[-1].shape

@@ -10,7 +10,7 @@ def quantiles(values: NDArray[Any], *parts: float) -> list[float]:
     """Below which number each of the `parts` (0 to 1) of the values lies, as np.quantile interpolates.
 
     NumPy sorts by vector instructions but parts at several places, as its own median does, without: on the quarter of
-    a picture this takes .1 ms and np.median .5 ms. There must be a value, and no NaN.
+    an image this takes .1 ms and np.median .5 ms. There must be a value, and no NaN.
     """
     ordered = np.sort(values, axis=None)
     place = np.multiply(parts, ordered.size - 1)

@@ -1,4 +1,4 @@
-"""One of two values for every pixel of a picture, by a mask."""
+"""One of two values for every pixel of an image, by a mask."""
 
 from typing import Any
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-Picture = NDArray[Any]
+AnyImage = NDArray[Any]
 
 
-def select(mask: Mask, yes: Picture | float, no: Picture | float) -> Field:
+def select(mask: Mask, yes: AnyImage | float, no: AnyImage | float) -> Field:
     """`yes` where the mask is set, `no` elsewhere; all height × width or numbers, in single precision.
 
     np.where and np.copyto branch, and on the ragged masks of a depth map the processor guesses every other branch

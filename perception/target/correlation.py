@@ -47,12 +47,12 @@ def correlate(image: Image, patch: Image) -> Scores:
 
 
 class PatchTarget:
-    """A textured target followed from picture to picture, and searched for in the whole picture once it is
+    """A textured target followed from image to image, and searched for in the whole image once it is
     lost.
 
     patch (h, w): what it looks like. near_px: how far from the expected place it is looked for. keep: the
     least correlation at which it is still the target; find: the least at which it is believed after a loss
-    (higher: the whole picture offers more to mistake for it). Raises ValueError for a patch without contrast:
+    (higher: the whole image offers more to mistake for it). Raises ValueError for a patch without contrast:
     it would be found everywhere.
     """
 

@@ -1,4 +1,4 @@
-"""Depth from motion: milliseconds a frame beside StereoSGBM and DIS on the same pictures, in turns, in one run.
+"""Depth from motion: milliseconds a frame beside StereoSGBM and DIS on the same images, in turns, in one run.
 
 Issue: 640×480 at most 250 ms, 384×288 at most 80 ms on two cores, at most 400 MB, linear in the pixels.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from perception.depth.estimator import DepthFromMotion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DEFAULT
-from tools.depth_scenes import Plane, Scene, Sequence, film, place, waves
+from tools.depth.scenes import Plane, Scene, Sequence, place, render_sequence, waves
 
 SIZES = ((192, 144), (256, 192), (384, 288), (512, 384), (640, 480))
 LIMIT_MS = {640: 250.0, 384: 80.0}
@@ -36,7 +36,7 @@ def scene(size: tuple[int, int], frames: int, turning: bool = False) -> Sequence
     surfaces = Scene((wall, board), waves(1, 12 / focal, 0.5, count=12))
     yaw, forward = (0.004, 0.01) if turning else (0.0, 0.0)
     poses = [place(16 * k / focal, 0, forward * k, yaw=yaw * k) for k in range(frames)]
-    return film("bench", surfaces, camera, size, poses, noise=1.0, samples=1)
+    return render_sequence("bench", surfaces, camera, size, poses, noise=1.0, samples=1)
 
 
 def time_in_turns(sequence: Sequence) -> dict[str, float]:

@@ -1,1 +1,1 @@
-"""What the depth experiment and benchmark share: pictures, peers, scores, light, figures."""
+"""What the depth experiment and benchmark share: images, peers, scores, light, figures."""

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from perception.depth.estimator import DepthMap
-from tools.depth_scenes import Sequence
+from tools.depth.scenes import Sequence
 
 INK, SOFT = "#22303c", "#c9d2d9"
 COLOURS = {

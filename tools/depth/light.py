@@ -1,13 +1,13 @@
-"""Changes of the light between pictures, as the issue lists them."""
+"""Changes of the light between images, as the issue lists them."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from tools.depth.pictures import Image
+from tools.depth.real_images import Image
 
 Light = Callable[[Image, int], Image]
-"""Picture and its number in the sequence to the picture as it would have been exposed."""
+"""Image and its number in the sequence to the image as it would have been exposed."""
 
 
 def _expose(grey: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Image:
@@ -20,12 +20,12 @@ def steady(image: Image, number: int) -> Image:
 
 
 def gain_and_offset(image: Image, number: int) -> Image:
-    """Every second picture times .6 plus 20."""
+    """Every second image times .6 plus 20."""
     return image if number % 2 == 0 else _expose(0.6 * image.astype(float) + 20)
 
 
 def vignette(image: Image, number: int) -> Image:
-    """Every picture falls to half its light in the corners."""
+    """Every image falls to half its light in the corners."""
     height, width = image.shape[:2]
     y, x = np.mgrid[0:height, 0:width].astype(float)
     radius = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
@@ -37,7 +37,7 @@ FLICKER = (1.0, 0.7, 1.3, 0.85, 1.15, 0.7, 1.3, 1.0, 0.75, 1.25, 0.9, 1.1)
 
 
 def flicker(image: Image, number: int) -> Image:
-    """The gain of each picture differs, up to ±30 %."""
+    """The gain of each image differs, up to ±30 %."""
     return _expose(FLICKER[number % len(FLICKER)] * image.astype(float))
 
 

@@ -12,9 +12,9 @@ from perception.depth.geometry.motion import Motion
 from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS, dim
 from tools.depth.peers import Field, bad_percent, fill_from_left, match_bm, match_sgbm
-from tools.depth.pictures import Image, Views
+from tools.depth.real_images import Image, Views
+from tools.depth.scenes import Sequence
 from tools.depth.score import run_sequence, run_views, score_frames, score_map, score_views
-from tools.depth_scenes import Sequence
 
 IN_ORDER = (0, 1, 4, 3, 2)
 """Views 1, 2, 5, 4, 3: the map ends in the one with the truth."""
@@ -29,7 +29,7 @@ MIDDLE_PX = {"Tsukuba": 8.0, "Cones": 30.0}
 
 
 def lateral(preset: str, name: str) -> DepthSettings:
-    """A preset for views whose inverse depth is their disparity: 0 to 64 px are searched, in both pictures alike."""
+    """A preset for views whose inverse depth is their disparity: 0 to 64 px are searched, in both images alike."""
     settings = replace(PRESETS[preset], near=1 / 64, far=1e4)
     return replace(settings, start_depth=1 / MIDDLE_PX[name]) if settings.literal else settings
 
@@ -55,7 +55,7 @@ def score_five_views(views: Views) -> dict[str, Any]:
 
 
 def score_pair(views: Views, left: Image, right: Image, presets: tuple[str, ...]) -> dict[str, Any]:
-    """One pair of pictures: ours and OpenCV's."""
+    """One pair of images: ours and OpenCV's."""
     first, second = PAIR[views.name]
     images = list(views.images)
     images[first], images[second] = left, right

@@ -10,8 +10,8 @@ from perception.depth.estimator import DepthMap
 from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
+from tools.depth.scenes import Sequence, sea_bed, slanted_plane, stripes, table_top
 from tools.depth.score import Mask, run_sequence, score_frames
-from tools.depth_scenes import Sequence, sea_bed, slanted_plane, stripes, table_top
 
 SURE_START_M = {"plane": 2.0, "table-top": 1.6, "sea bed": 11.0, "stripes": 1.8}
 """Where the thesis's preset begins; the default needs no start."""
@@ -43,7 +43,7 @@ def score_scene(sequence: Sequence) -> tuple[dict[str, Any], dict[str, list[Dept
 
 
 def edge_masks(sequence: Sequence, along_x: bool) -> list[Mask]:
-    """Pixels of every picture whose surroundings (9×9) change mostly across the other direction."""
+    """Pixels of every image whose surroundings (9×9) change mostly across the other direction."""
     masks = []
     for image in sequence.images:
         grey = image.astype(np.float32)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from perception.depth.estimator import DepthFromMotion, DepthMap
 from perception.depth.settings import DepthSettings
 from tools.depth.peers import bad_percent
-from tools.depth.pictures import Image, Views
-from tools.depth_scenes import Sequence
+from tools.depth.real_images import Image, Views
+from tools.depth.scenes import Sequence
 
 Mask = NDArray[np.bool_]
 
@@ -68,7 +68,7 @@ def score_frames(sequence: Sequence, maps: list[DepthMap], where: list[Mask] | N
 
 
 def run_sequence(sequence: Sequence, settings: DepthSettings) -> list[DepthMap]:
-    """The maps after the second, third, … picture, each in the view of its picture."""
+    """The maps after the second, third, … image, each in the view of its image."""
     estimator = DepthFromMotion(sequence.camera, settings)
     estimator.start(sequence.images[0])
     pairs = zip(sequence.images[1:], sequence.motions, strict=True)

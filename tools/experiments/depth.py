@@ -1,7 +1,7 @@
-"""Depth from motion: counterparts of figures 2.10–2.13, honesty, light, and the real pictures beside OpenCV.
+"""Depth from motion: counterparts of figures 2.10–2.13, honesty, light, and the real images beside OpenCV.
 
 Writes figures and figures_of_merit.json. The figures sea_bed, table_top, frames and light are of rendered scenes;
-those that show real pictures stay in the output folder. Where ../shared/data is absent the real part is skipped.
+those that show real images stay in the output folder. Where ../shared/data is absent the real part is skipped.
 """
 
 import argparse
@@ -11,8 +11,8 @@ from statistics import mean
 from typing import Any
 
 from tools.depth import figures
-from tools.depth.pictures import DATA, read_cones, read_tsukuba, read_tum
 from tools.depth.real import score_five_views, score_hand_held, score_light_of_pair, score_pairs
+from tools.depth.real_images import DATA, read_cones, read_tsukuba, read_tum
 from tools.depth.rendered import (
     scenes,
     score_edges_of_table,
@@ -30,7 +30,7 @@ def main(argv: list[str]) -> int:
         prog="tools/reproduce depth", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("--out", type=Path, default=Path("out/depth"), help="default: out/depth")
-    parser.add_argument("--rendered-only", action="store_true", help="leave the real pictures out")
+    parser.add_argument("--rendered-only", action="store_true", help="leave the real images out")
     arguments = parser.parse_args(argv)
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)

@@ -15,8 +15,8 @@ from pathlib import Path
 import cv2
 
 from perception.depth.settings import DEFAULT
+from tools.depth.scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 from tools.depth.score import cover_sequence
-from tools.depth_scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 
 flight = partial(slanted_plane, noise=1.0, size=(256, 192), slant=0.4)
 SCENES: dict[str, Callable[..., Sequence]] = {

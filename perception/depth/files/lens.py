@@ -1,4 +1,4 @@
-"""The file of the camera that took the pictures, and its distortion taken out of them."""
+"""The file of the camera that took the images, and its distortion taken out of them."""
 
 import tomllib
 from pathlib import Path
@@ -11,27 +11,27 @@ from perception.camera.intrinsics import Intrinsics
 from perception.depth.errors import OptionError
 from perception.depth.geometry.pinhole import Pinhole
 
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 NO_DISTORTION = (0.0,) * 5
 
 
 def pinhole(lens: Intrinsics) -> Pinhole:
-    """The camera whose pictures `straighten` gives."""
+    """The camera whose images `undistort` gives."""
     return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)
 
 
-def straighten(lens: Intrinsics, picture: Picture) -> Picture:
-    """The picture as the pinhole would have taken it; one of another size as it is, for the estimator refuses it."""
-    return lens.undistort(picture) if picture.shape[:2] == (lens.height, lens.width) else picture
+def undistort(lens: Intrinsics, image: Image) -> Image:
+    """The image as the pinhole would have taken it; one of another size as it is, for the estimator refuses it."""
+    return lens.undistort(image) if image.shape[:2] == (lens.height, lens.width) else image
 
 
 def read_lens(path: Path, size: tuple[int, int]) -> Intrinsics:
     """Read `fx fy cx cy` (pixels), and `distortion` and `width height` if they are there, from a TOML file.
 
-    They stand at its top or in a table `[camera]`.
+    At the top of the file or in a table `[camera]`.
 
     Args:
-        size: width and height of the pictures, which those of the file must be.
+        size: width and height of the images, pixels; those of the file must be the same.
 
     Raises:
         OptionError: file, key and what is wrong with it.
@@ -47,14 +47,16 @@ def read_lens(path: Path, size: tuple[int, int]) -> Intrinsics:
         raise OptionError(f"{path}: [camera] must be a table")
     for key, pixels in zip(("width", "height"), size, strict=True):
         if table.get(key, pixels) != pixels:
-            raise OptionError(f"{path}: {key} = {table[key]!r}, the pictures have {size[0]}×{size[1]} pixels")
+            raise OptionError(f"{path}: {key} = {table[key]!r}, the images have {size[0]}×{size[1]} pixels")
     fx, fy, cx, cy = (
         _number(path, key, table.get(key), "a number of pixels") for key in ("fx", "fy", "cx", "cy")
     )
-    bends = table.get("distortion", list(NO_DISTORTION))
-    if not isinstance(bends, list) or len(bends) != len(NO_DISTORTION):
-        raise OptionError(f"{path}: distortion = {bends!r}, five numbers k1, k2, p1, p2, k3 are needed")
-    k1, k2, p1, p2, k3 = (_number(path, "distortion", bend, "a number") for bend in bends)
+    coefficients = table.get("distortion", list(NO_DISTORTION))
+    if not isinstance(coefficients, list) or len(coefficients) != len(NO_DISTORTION):
+        raise OptionError(
+            f"{path}: distortion = {coefficients!r}, five numbers k1, k2, p1, p2, k3 are needed"
+        )
+    k1, k2, p1, p2, k3 = (_number(path, "distortion", value, "a number") for value in coefficients)
     try:
         Pinhole(fx, fy, cx, cy)
     except OptionError as error:

@@ -18,13 +18,13 @@ UNIT_LENGTH = 0.02
 """A quaternion whose length is farther from 1 than this is no rotation; rounding to two decimals stays below."""
 
 
-def read_poses(path: Path, pictures: list[Path], kind: str = "auto") -> list[Matrix]:
-    """The 4×4 camera-to-world pose of every picture.
+def read_poses(path: Path, images: list[Path], kind: str = "auto") -> list[Matrix]:
+    """The 4×4 camera-to-world pose of every image.
 
-    - csv: columns tx ty tz (m) and wx wy wz (rotation vector, rad), the camera's step from the picture before,
-      in that picture's camera frame; one row for every picture after the first.
-    - tum: lines `time tx ty tz qx qy qz qw`; a picture's time is its file name, poses are interpolated.
-    - kitti: lines of 12 numbers, the upper three rows of the pose; one line for every picture.
+    - csv: columns tx ty tz (m) and wx wy wz (rotation vector, rad), the camera's step from the image before,
+      in that image's camera frame; one row for every image after the first.
+    - tum: lines `time tx ty tz qx qy qz qw`; an image's time is its file name, poses are interpolated.
+    - kitti: lines of 12 numbers, the upper three rows of the pose; one line for every image.
 
     Raises:
         MotionError: what is wrong, and in which file and line.
@@ -36,9 +36,9 @@ def read_poses(path: Path, pictures: list[Path], kind: str = "auto") -> list[Mat
     if kind == "auto":
         kind = _guess(path, text)
     if kind == "csv":
-        return _from_steps(path, text, len(pictures))
+        return _from_steps(path, text, len(images))
     rows = _numbers(path, text, 8 if kind == "tum" else 12)
-    return _from_tum(path, rows, pictures) if kind == "tum" else _from_kitti(path, rows, len(pictures))
+    return _from_tum(path, rows, images) if kind == "tum" else _from_kitti(path, rows, len(images))
 
 
 def _guess(path: Path, text: str) -> str:
@@ -73,7 +73,7 @@ def _numbers(path: Path, text: str, count: int) -> Matrix:
     return np.array(rows)
 
 
-def _from_steps(path: Path, text: str, pictures: int) -> list[Matrix]:
+def _from_steps(path: Path, text: str, images: int) -> list[Matrix]:
     reader = csv.DictReader(text.splitlines())
     names = [name.strip() for name in reader.fieldnames or []]
     missing = [name for name in STEP_COLUMNS if name not in names]
@@ -92,17 +92,17 @@ def _from_steps(path: Path, text: str, pictures: int) -> list[Matrix]:
         step[:3, :3] = cv2.Rodrigues(np.array(values[3:]))[0]
         step[:3, 3] = values[:3]
         poses.append(poses[-1] @ step)
-    if len(poses) != pictures:
+    if len(poses) != images:
         raise MotionError(
-            f"{path}: {len(poses) - 1} rows for {pictures} pictures; {pictures - 1} are needed,"
-            " one for every picture after the first"
+            f"{path}: {len(poses) - 1} rows for {images} images; {images - 1} are needed,"
+            " one for every image after the first"
         )
     return poses
 
 
-def _from_kitti(path: Path, rows: Matrix, pictures: int) -> list[Matrix]:
-    if len(rows) != pictures:
-        raise MotionError(f"{path}: {len(rows)} poses for {pictures} pictures; one for each is needed")
+def _from_kitti(path: Path, rows: Matrix, images: int) -> list[Matrix]:
+    if len(rows) != images:
+        raise MotionError(f"{path}: {len(rows)} poses for {images} images; one for each is needed")
     poses = []
     for number, row in enumerate(rows, 1):
         pose = np.vstack([row.reshape(3, 4), [0, 0, 0, 1]])
@@ -114,7 +114,7 @@ def _from_kitti(path: Path, rows: Matrix, pictures: int) -> list[Matrix]:
     return poses
 
 
-def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
+def _from_tum(path: Path, rows: Matrix, images: list[Path]) -> list[Matrix]:
     lengths = np.linalg.norm(rows[:, 4:], axis=1)
     worst = int(np.abs(lengths - 1).argmax())
     if abs(lengths[worst] - 1) > UNIT_LENGTH:
@@ -124,23 +124,23 @@ def _from_tum(path: Path, rows: Matrix, pictures: list[Path]) -> list[Matrix]:
         )
     rows = rows[np.argsort(rows[:, 0])]
     poses = []
-    for picture in pictures:
+    for image in images:
         try:
-            time = float(picture.stem)
+            time = float(image.stem)
         except ValueError as error:
             raise MotionError(
-                f"{picture.name}: its name is no time, so no pose of {path} belongs to it"
+                f"{image.name}: its name is no time, so no pose of {path} belongs to it"
             ) from error
         after = max(int(np.searchsorted(rows[:, 0], time)), 1)
         if not (rows[0, 0] <= time <= rows[-1, 0]) or len(rows) < 2:
             raise MotionError(
-                f"{path}: no pose at the time of {picture.name}; the poses span {rows[0, 0]:.3f} to {rows[-1, 0]:.3f} s"
+                f"{path}: no pose at the time of {image.name}; the poses span {rows[0, 0]:.3f} to {rows[-1, 0]:.3f} s"
             )
         before, following = rows[after - 1], rows[after]
         gap = following[0] - before[0]
         if gap > LONGEST_GAP_S:
             raise MotionError(
-                f"{path}: {gap:.2f} s without a pose around {picture.name}, at most {LONGEST_GAP_S} s"
+                f"{path}: {gap:.2f} s without a pose around {image.name}, at most {LONGEST_GAP_S} s"
             )
         # Two poses of one time can only stand at the very beginning.
         share = (time - before[0]) / gap if gap > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Ground truth from files: depth or disparity pictures, or arrays."""
+"""Ground truth from files: depth or disparity images, or arrays."""
 
 from pathlib import Path
 from zipfile import BadZipFile
@@ -16,7 +16,7 @@ def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | N
     """The true inverse depth in 1/m, NaN where it is unknown (0 in the file).
 
     Args:
-        path: a picture of one channel, a .npy array, or a .npz file with the array `depth` or a single one.
+        path: an image of one channel, a .npy array, or a .npz file with the array `depth` or a single one.
         scale: the file's value of one metre, or of one pixel of disparity.
         pixels_per_inverse_metre: focal length × baseline when the file holds disparities, None when depths.
 
@@ -37,7 +37,7 @@ def read_reference(path: Path, scale: float, pixels_per_inverse_metre: float | N
     else:
         raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if raw is None or raw.ndim != 2:
-        raise OptionError(f"{path}: no picture of one channel")
+        raise OptionError(f"{path}: no image of one channel")
     value = np.where(np.isfinite(raw) & (raw > 0), raw / scale, np.nan)
     inverse = 1 / value if pixels_per_inverse_metre is None else value / pixels_per_inverse_metre
     return np.asarray(inverse, np.float32)

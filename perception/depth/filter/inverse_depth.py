@@ -81,7 +81,7 @@ def fuse(
     """Combine prediction and measurement, (2.26)–(2.28) for errors that have something in common.
 
     Both err by what every pair repeats, B, and by noise with the variances P = P⁻ − B and Q = R − B and the
-    correlation κ, for the two pairs have a picture in common. Then ρ⁺ = ρ⁻ + k (ρ_m − ρ⁻) and P⁺ = B + (1 − κ²) P Q/s
+    correlation κ, for the two pairs have an image in common. Then ρ⁺ = ρ⁻ + k (ρ_m − ρ⁻) and P⁺ = B + (1 − κ²) P Q/s
     with s = P + Q − 2κ√(P Q) and k = (P − κ√(P Q))/s. B = κ = 0 is the filter of the thesis, 1/P⁺ = 1/P⁻ + 1/R.
 
     A measurement that was confirmed both ways (`confirmed`) is averaged with the prediction when they agree within
@@ -91,7 +91,7 @@ def fuse(
 
     Args:
         repeated: B, (1/m)²; 0 by default.
-        shared: κ, from −½, the common picture between the two others, to ½, both on one side of it.
+        shared: κ, from −½, the common image between the two others, to ½, both on one side of it.
     """
 
     whole_repeated, whole_shared = (np.broadcast_to(part, confirmed.shape) for part in (repeated, shared))

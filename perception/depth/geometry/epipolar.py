@@ -43,7 +43,7 @@ class Projection:
 
 
 class Epipolar:
-    """The geometry of one pair of pictures: base view, motion to the other view, camera."""
+    """The geometry of one pair of images: base view, motion to the other view, camera."""
 
     def __init__(self, camera: Pinhole, motion: Motion, shape: tuple[int, int]) -> None:
         self.camera = camera
@@ -98,7 +98,7 @@ class Epipolar:
         return x, y
 
     def in_view(self, inverse_depth: Field | float, some: Some) -> NDArray[np.bool_]:
-        """Which pixels of some rows or of a mask fall on the other picture from `inverse_depth` (1/m)."""
+        """Which pixels of some rows or of a mask fall on the other image from `inverse_depth` (1/m)."""
         height, width = self.shape
         x, y = self.meet(inverse_depth, some)
         return np.asarray((x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5))
@@ -121,7 +121,7 @@ class Epipolar:
         return (first + rho * shift_x) * behind, (second + rho * shift_y) * behind, scale, behind
 
     def overlaps(self, least: float) -> bool:
-        """Whether that part of the picture, or more, is seen in the other one from far away."""
+        """Whether that part of the image, or more, is seen in the other one from far away."""
         return bool(self.in_view(0.0, slice(None, None, 8)).mean() >= least)
 
     def homographies(self, inverse_depths: NDArray[np.float64]) -> Matrix:

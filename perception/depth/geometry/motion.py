@@ -1,4 +1,4 @@
-"""The camera's motion between two pictures, finite: rotation and translation, thesis (2.19)."""
+"""The camera's motion between two images, finite: rotation and translation, thesis (2.19)."""
 
 from dataclasses import dataclass
 

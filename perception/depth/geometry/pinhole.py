@@ -31,13 +31,13 @@ class Pinhole:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def scaled(self, factor: float) -> "Pinhole":
-        """The camera of the picture resized by `factor`; pixel centres stand at integers."""
+        """The camera of the image resized by `factor`; pixel centres stand at integers."""
         return Pinhole(
             self.fx * factor, self.fy * factor, (self.cx + 0.5) * factor - 0.5, (self.cy + 0.5) * factor - 0.5
         )
 
     @classmethod
     def guess(cls, width: int, height: int) -> "Pinhole":
-        """A 60° lens with its axis in the middle, for pictures whose camera nobody measured."""
+        """A 60° lens with its axis in the middle, for images whose camera nobody measured."""
         focal = 0.5 * width / np.tan(np.radians(30.0))
         return cls(float(focal), float(focal), (width - 1) / 2, (height - 1) / 2)

@@ -26,7 +26,7 @@ FEWEST = 0.02
 
 @dataclass(frozen=True)
 class CoarseMatch:
-    """The two pictures of the coarsest level, their geometry, what was chosen, and how many pixels of the finest
+    """The two images of the coarsest level, their geometry, what was chosen, and how many pixels of the finest
     level make one."""
 
     base: View
@@ -37,7 +37,7 @@ class CoarseMatch:
 
     @property
     def cost(self) -> float:
-        """Mean matching cost of all pixels, 0 to 1: the less, the better the motion explains the pictures."""
+        """Mean matching cost of all pixels, 0 to 1: the less, the better the motion explains the images."""
         return float(self.choice.cost.mean())
 
     def range(self) -> tuple[float, float] | None:
@@ -52,7 +52,7 @@ class CoarseMatch:
 def match_coarsely(
     base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: DepthSettings
 ) -> CoarseMatch:
-    """Choose a plane for every pixel of the coarsest level, by these two pictures alone.
+    """Choose a plane for every pixel of the coarsest level, by these two images alone.
 
     Args:
         limits: least and greatest inverse depth searched, 1/m.
@@ -69,7 +69,7 @@ def match_coarsely(
 def match_turned(
     base: View, other: View, geometry: Epipolar, limits: tuple[float, float], settings: DepthSettings
 ) -> tuple[CoarseMatch, float]:
-    """The same, the other camera turned about its baseline until the pictures match when they do not as they are.
+    """The same, the other camera turned about its baseline until the images match when they do not as they are.
 
     That moves all points across their lines, where nothing but an error of the motion does.
 

@@ -1,4 +1,4 @@
-"""The forward–backward check: the other picture must choose the same plane for the point it was sent."""
+"""The forward–backward check: the other image must choose the same plane for the point it was sent."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.match.scanline import Volume, cheapest
 from perception.image.bands import join_bands, share
-from perception.image.plane_warp import find_shift, shift_picture, warp_picture
+from perception.image.plane_warp import find_shift, shift_image, warp_image
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -15,14 +15,14 @@ THINNING = 2
 SPECK = 30
 """Pixels of a patch that is not believed."""
 NO_VIEW = 32_000
-"""Cost where a plane of the base view does not reach the other picture."""
+"""Cost where a plane of the base view does not reach the other image."""
 
 
 def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float64]) -> NDArray[np.int16]:
-    """The cheapest plane of every second pixel, both ways, of the *other* picture.
+    """The cheapest plane of every second pixel, both ways, of the *other* image.
 
     The costs need not be computed again: on each plane the homography says which base pixel a pixel
-    of the other picture meets.
+    of the other image meets.
     """
     half, double = np.diag([1 / THINNING, 1 / THINNING, 1.0]), np.diag([THINNING, THINNING, 1.0])
     backward = np.linalg.inv(half @ geometry.homographies(planes) @ double)
@@ -31,11 +31,11 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
     seen = np.empty(thin.shape, np.int16)
 
     def turn(k: int) -> None:
-        picture, shift = np.ascontiguousarray(thin[k]), find_shift(backward[k])
+        image, shift = np.ascontiguousarray(thin[k]), find_shift(backward[k])
         if shift is None:
-            seen[k] = warp_picture(picture, backward[k], cv2.INTER_NEAREST, NO_VIEW)
+            seen[k] = warp_image(image, backward[k], cv2.INTER_NEAREST, NO_VIEW)
         else:
-            seen[k] = shift_picture(picture, round(shift[0]), round(shift[1]), NO_VIEW)
+            seen[k] = shift_image(image, round(shift[0]), round(shift[1]), NO_VIEW)
 
     share(turn, range(count), height * width)
     (best,) = join_bands((height, width), lambda band: (cheapest(seen[:, band.inner]),))
@@ -45,7 +45,7 @@ def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float6
 def agree(
     plane: NDArray[np.int16], backward: NDArray[np.int16], x: Field, y: Field, tolerance: int = 1
 ) -> Mask:
-    """Which base pixels the other picture confirms.
+    """Which base pixels the other image confirms.
 
     Args:
         plane: the plane chosen in the base view; x, y: where that puts each pixel.

@@ -26,14 +26,14 @@ NOISE_LIMIT = 2.0
 """… and so do slopes beyond this many standard deviations of the noise."""
 
 NOISY_SHARE = 0.3
-"""A picture is noisy when the noise makes this part of its slopes or more."""
+"""An image is noisy when the noise makes this part of its slopes or more."""
 NOISE_LEFT = 0.75
 """What `denoise` leaves of it where the texture is: a third on even ground, all of it on an edge."""
 SOFTENING = np.array([0.25, 0.5, 0.25], np.float32)
 SOFTENED_NOISE = float(np.sum(SOFTENING**2)) ** 2
-"""The part of the noise's variance that a pixel of the softened picture keeps."""
+"""The part of the noise's variance that a pixel of the softened image keeps."""
 ROUNDING = SOFTENED_NOISE / 12
-"""Grey levels squared: what rounding to whole levels leaves as difference of two softened pictures."""
+"""Grey levels squared: what rounding to whole levels leaves as difference of two softened images."""
 
 
 def estimate_noise(grey: Grey) -> float:
@@ -54,7 +54,7 @@ def window_mean(image: Grey, radius: int) -> Grey:
 
 
 def equalised_slopes(grey: Grey, noise: float) -> Bytes:
-    """The two slopes of the picture in units of the local contrast, limited to ±1 and coded as 0…254.
+    """The two slopes of the image in units of the local contrast, limited to ±1 and coded as 0…254.
 
     Args:
         grey: height × width, grey levels.
@@ -80,7 +80,7 @@ def equalised_slopes(grey: Grey, noise: float) -> Bytes:
 
 
 def noise_share(grey: Grey, noise: float) -> float:
-    """The slope that the noise makes as a part of the picture's root mean square slope along the rows."""
+    """The slope that the noise makes as a part of the image's root mean square slope along the rows."""
     slope = cv2.Sobel(grey, cv2.CV_32F, 1, 0)
     texture = float(np.sqrt(np.mean(slope * slope)))
     return SLOPE_GAIN * noise / max(texture, 1e-6)
@@ -91,7 +91,7 @@ def denoise(grey: Grey, noise: float) -> Grey:
 
     Of a window with mean m and variance v the part a = s/(s + σ²), s = max(v − σ², 0), is signal, and the window
     says a·g + (1 − a)·m; a pixel takes the mean of what its nine windows say. An edge stands above the noise and
-    is not widened, as it is by a blur that takes as much noise. But it is not linear, and so no picture to
+    is not widened, as it is by a blur that takes as much noise. But it is not linear, and so no image to
     measure tenths of a pixel in.
     """
     mean = window_mean(grey, 1)
@@ -115,7 +115,7 @@ def soften(grey: Grey, more: float = 1.0) -> Grey:
 
 
 def noise_weight(soft: Grey) -> float:
-    """By how much noise moves a match more than its variance in the softened picture says.
+    """By how much noise moves a match more than its variance in the softened image says.
 
     Softened noise no longer differs from pixel to pixel. What Σ φ g n sees of it is h ∗ g in the place of g, so
     that its variance is Σ (h ∗ g)²/Σ g² of that of the noise before, which is Σ h² times smaller now.

@@ -47,7 +47,7 @@ def choose_planes(
     predicted: InverseDepth,
     settings: DepthSettings,
 ) -> Choice:
-    """Choose a plane for every pixel of the base picture."""
+    """Choose a plane for every pixel of the base image."""
     costs = alone = sweep_planes(base.slopes, other.slopes, geometry, planes)
     if np.isfinite(predicted.value).any():
         costs = admit_prediction(alone, planes, predicted, settings.stiffness)

@@ -1,6 +1,6 @@
-"""The cost of every depth hypothesis at every pixel: both pictures brought together on a fan of planes.
+"""The cost of every depth hypothesis at every pixel: both images brought together on a fan of planes.
 
-For the plane at inverse depth ρ_k the other picture is warped by its homography, and the difference of
+For the plane at inverse depth ρ_k the other image is warped by its homography, and the difference of
 the equalised slopes is summed over the window φ of (2.6). The candidates of a pixel are then the
 points of its epipolar line.
 """
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
 from perception.image.bands import Band, bands, share
-from perception.image.plane_warp import find_shift, shift_picture, warp_picture
+from perception.image.plane_warp import find_shift, shift_image, warp_image
 from perception.image.select import select
 
 Bytes = NDArray[np.uint8]
@@ -48,11 +48,11 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
     def compare(k: int) -> None:
         shift = find_shift(homographies[k])
         if shift is None:
-            apart = cv2.absdiff(four, warp_picture(four_other, homographies[k], cv2.INTER_LINEAR, FULL // 2))
+            apart = cv2.absdiff(four, warp_image(four_other, homographies[k], cv2.INTER_LINEAR, FULL // 2))
             across, down = cv2.extractChannel(apart, 0), cv2.extractChannel(apart, 1)
         else:
             across, down = (
-                cv2.absdiff(here, shift_picture(there, *shift, FULL // 2))
+                cv2.absdiff(here, shift_image(there, *shift, FULL // 2))
                 for here, there in zip(base, other, strict=True)
             )
         difference = cv2.addWeighted(across, 0.5, down, 0.5, 0)
@@ -66,7 +66,7 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
 def admit_prediction(
     costs: Volume, planes: NDArray[np.float64], predicted: InverseDepth, stiffness: float
 ) -> Volume:
-    """Let the predicted depth stand for the pictures no longer kept: min(costs, c + stiffness·χ²).
+    """Let the predicted depth stand for the images no longer kept: min(costs, c + stiffness·χ²).
 
     c is what the prediction cost when it was last confirmed and χ² = (ρ_k − ρ̂)²/P, P at least a
     quarter of a squared plane distance. So a point that is occluded in the other image keeps the depth it had, and

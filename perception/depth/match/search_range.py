@@ -9,7 +9,7 @@ from perception.image.quantile import quantiles
 
 Range = tuple[float, float]
 WIDEST = 0.35
-"""Greatest disparity searched, as a part of the picture's width."""
+"""Greatest disparity searched, as a part of the image's width."""
 MARGIN_PX = 2.0
 MARGIN_PART = 0.15
 """Room for what comes nearer or into view: so many pixels, or this part of the nearest inverse depth."""
@@ -29,7 +29,7 @@ def widest_range(geometry: Epipolar, settings: DepthSettings) -> Range:
 def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
     """Between which inverse depths all but a hundredth of the map lies after a motion; None if it knows too little.
 
-    ρ' = ρ/(1 + b ρ) of (2.21) in the middle of the picture.
+    ρ' = ρ/(1 + b ρ) of (2.21) in the middle of the image.
 
     Args:
         shift_z: b, the third component of the motion's translation, m.

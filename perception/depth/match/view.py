@@ -1,4 +1,4 @@
-"""A picture with what the match needs of it, each computed once."""
+"""An image with what the match needs of it, each computed once."""
 
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from perception.image.interpolation import Between
 
 
 class View:
-    """One picture in grey levels; noise, pictures without it and equalised slopes follow when they are asked for."""
+    """One image in grey levels; noise, images without it and equalised slopes follow when they are asked for."""
 
     def __init__(self, grey: Grey) -> None:
         self.grey = grey
@@ -48,17 +48,17 @@ class View:
 
     @cached_property
     def denoised(self) -> Grey:
-        """The picture with its noise taken out and its edges left, if it is noisy: for the search."""
+        """The image with its noise taken out and its edges left, if it is noisy: for the search."""
         return denoise(self.grey, self.noise) if self.noisy else self.grey
 
     @cached_property
     def soft(self) -> Grey:
-        """The picture as the error surface compares it."""
+        """The image as the error surface compares it."""
         return soften(self.grey)
 
     @cached_property
     def between(self) -> Between:
-        """The softened picture, to be asked between its pixels."""
+        """The softened image, to be asked between its pixels."""
         return Between(self.soft)
 
     @cached_property
@@ -85,7 +85,7 @@ class View:
         return View(np.asarray(small, np.float32))
 
     def level(self, number: int) -> "View":
-        """The level of the pyramid, 0 the picture itself; none is made smaller than 16 pixels."""
+        """The level of the pyramid, 0 the image itself; none is made smaller than 16 pixels."""
         view = self
         for _ in range(number):
             if min(view.shape) < 32:

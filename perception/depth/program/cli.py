@@ -1,4 +1,4 @@
-"""depth-from-motion: a picture sequence and the camera's motion in, depth maps out."""
+"""depth-from-motion: an image sequence and the camera's motion in, depth maps out."""
 
 import json as documents
 import math
@@ -29,24 +29,24 @@ def _above_zero(value: float | None) -> float | None:
 
 @app.command(
     epilog=(
-        "Exit codes: 0 done, 2 wrong arguments, pictures or motion, 3 camera, setting, reference or output folder,"
+        "Exit codes: 0 done, 2 wrong arguments, images or motion, 3 camera, setting, reference or output folder,"
         " 130 and 143 interrupted. An estimate that fails or is interrupted leaves the output folder as it was."
     )
 )
 def estimate(
     sequence: Path = typer.Argument(
-        help="A folder of pictures, a pattern like 'views/*.ppm', or a .txt file that lists them."
+        help="A folder of images, a pattern like 'views/*.ppm', or a .txt file that lists them."
     ),
     out: Path = typer.Option(help="Folder for maps, pictures, cloud.ply and table.csv."),
     camera: Path | None = typer.Option(
         None,
         help="TOML with fx, fy, cx, cy in pixels, distortion if there is any.",
-        show_default="camera.toml beside the pictures, or a 60° lens",
+        show_default="camera.toml beside the images, or a 60° lens",
     ),
     motion: Path | None = typer.Option(
         None,
         help="Steps in CSV (tx ty tz m, wx wy wz rad), TUM or KITTI poses.",
-        show_default="motion.csv, groundtruth.txt or poses.txt beside the pictures",
+        show_default="motion.csv, groundtruth.txt or poses.txt beside the images",
     ),
     motion_format: str = typer.Option(
         "auto", metavar="auto|csv|tum|kitti", help="How the motion file is written."
@@ -59,11 +59,11 @@ def estimate(
     start_depth: float | None = typer.Option(
         None, callback=_above_zero, help="First guess of the thesis preset, m.", show_default="12"
     ),
-    order: str | None = typer.Option(None, metavar="1,2,5,4,3", help="The pictures to use, in this order."),
+    order: str | None = typer.Option(None, metavar="1,2,5,4,3", help="The images to use, in this order."),
     reference_frame: int | None = typer.Option(
         None,
         min=1,
-        help="Keep this picture and let the map stand in its view.",
+        help="Keep this image and its view for the map.",
         show_default="the newest view",
     ),
     reference: Path | None = typer.Option(
@@ -80,7 +80,7 @@ def estimate(
     ),
     json: bool = typer.Option(False, "--json", help="One JSON document on stdout, all else on stderr."),
 ) -> None:
-    """Estimate depth with its standard deviation, picture by picture, from a moving camera."""
+    """Estimate depth with its standard deviation, image by image, from a moving camera."""
     from dataclasses import replace
 
     from perception.depth.errors import DepthError, OptionError
@@ -155,7 +155,7 @@ def _print(rows: list["TableRow"], out: Path) -> None:
     from rich.table import Table
 
     table = Table(
-        "picture", "step m", "turn °", "residual px", "confirmed", "known", "depth m", "σ/depth", "ms"
+        "image", "step m", "turn °", "residual px", "confirmed", "known", "depth m", "σ/depth", "ms"
     )
     judged = any(row.accuracy for row in rows)
     if judged:
@@ -196,10 +196,10 @@ def _document(rows: list["TableRow"], out: Path) -> dict[str, Any]:
 
 
 def _fail(text: str, code: int, json: bool) -> NoReturn:
-    told = " ".join(text.split())
-    typer.echo(f"depth-from-motion: {told}", err=True)
+    message = " ".join(text.split())
+    typer.echo(f"depth-from-motion: {message}", err=True)
     if json:
-        typer.echo(documents.dumps({"error": told, "exit_code": code}, ensure_ascii=False))
+        typer.echo(documents.dumps({"error": message, "exit_code": code}, ensure_ascii=False))
     raise typer.Exit(code)
 
 
@@ -216,8 +216,8 @@ def main() -> None:
         code = app(prog_name="depth-from-motion", standalone_mode=False)
         sys.stdout.flush()
     except usage_error as error:
-        told = " ".join(getattr(error, "format_message", error.__str__)().split()).rstrip(".")
-        print(f"depth-from-motion: {told}; see depth-from-motion --help", file=sys.stderr)
+        message = " ".join(getattr(error, "format_message", error.__str__)().split()).rstrip(".")
+        print(f"depth-from-motion: {message}; see depth-from-motion --help", file=sys.stderr)
         code = 2
     except (typer.Abort, KeyboardInterrupt):
         print("depth-from-motion: interrupted; nothing was written", file=sys.stderr)

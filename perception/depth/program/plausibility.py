@@ -1,4 +1,4 @@
-"""Whether pictures and motion can belong together: said in words before a map is believed."""
+"""Whether images and motion can belong together, in a sentence for whoever reads the map."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DepthSettings
 
 FAR_PART = 0.25
-"""A point at `far` that moves by more than this part of the picture's width is not where the motion says."""
+"""A point at `far` that moves by more than this part of the image's width is not where the motion puts it."""
 FEW = 0.5
-"""Fewer confirmed pixels than this part mean that the pictures do not follow the motion."""
+"""Fewer confirmed pixels than this part mean that the images do not follow the motion."""
 VAGUE, MOST = 0.8, 0.9
 """A map whose median σ_Z/Z is above the one while fewer than the other part are confirmed follows no motion either."""
 END = 1.25
-"""A map that stands for the greater part within this factor of `near` or `far` wants to lie beyond."""
+"""A map of which the greater part is within this factor of `near` or `far` would lie beyond."""
 
 
 def check_motion(
@@ -51,7 +51,7 @@ def check_motion(
 def explain_no_parallax(
     camera: Pinhole, motion: Motion, shape: tuple[int, int], settings: DepthSettings
 ) -> str:
-    """Why no depth follows from a motion that the estimator only carried the map along with."""
+    """Why no depth follows from a motion by which the estimator only warped the map."""
     if motion.distance == 0:
         if motion.angle == 0:
             return "the camera did not move: no depth can follow from it"
@@ -65,26 +65,28 @@ def explain_no_parallax(
     )
 
 
-def doubt(result: DepthMap, settings: DepthSettings) -> str | None:
-    """A sentence when the match itself says that pictures and motion do not belong together."""
+def find_implausibility(result: DepthMap, settings: DepthSettings) -> str | None:
+    """A sentence when the match itself shows that images and motion do not belong together; else None."""
     value, variance = result.state.value, result.state.variance
     known = np.isfinite(value) & (value > 0)
     if not result.measured or not known.any():
         return None
-    told = None
+    found = None
     depth, spread = (
         1 / float(np.median(value[known])),
         float(np.median(np.sqrt(variance[known]) / value[known])),
     )
     if result.confirmed < FEW:
-        told = f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways"
+        found = f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways"
     elif depth < settings.near * END or depth > settings.far / END:
-        told = f"half of the picture stands at the end of the depths searched, {settings.near:g} to {settings.far:g} m"
+        found = (
+            f"half of the image is at the end of the depths searched, {settings.near:g} to {settings.far:g} m"
+        )
     elif spread > VAGUE and result.confirmed < MOST:
-        told = (
+        found = (
             f"only {100 * result.confirmed:.0f} % of the pixels agree with the motion both ways, and their depth is"
             f" uncertain by {100 * spread:.0f} %"
         )
-    if told is None:
+    if found is None:
         return None
-    return f"{told}: implausible disparities; check the motion's unit, its axes and the order of the pictures"
+    return f"{found}: implausible disparities; check the motion's unit, its axes and the order of the images"

@@ -14,15 +14,15 @@ from perception.camera.intrinsics import Intrinsics
 from perception.depth.errors import ImageError, MotionError, OptionError
 from perception.depth.estimator import DepthFromMotion, DepthMap
 from perception.depth.files.depth_image import colour_depth
-from perception.depth.files.lens import pinhole, read_lens, straighten
+from perception.depth.files.lens import pinhole, read_lens, undistort
 from perception.depth.files.motion_file import read_poses
 from perception.depth.files.point_cloud import write_ply
 from perception.depth.files.reference import read_reference
-from perception.depth.files.sequence import list_pictures, read_picture
+from perception.depth.files.sequence import list_images, read_image
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.program.accuracy import Accuracy, compare
-from perception.depth.program.plausibility import check_motion, doubt, explain_no_parallax
+from perception.depth.program.plausibility import check_motion, explain_no_parallax, find_implausibility
 from perception.depth.settings import PRESETS, DepthSettings
 
 Matrix = NDArray[np.float64]
@@ -71,9 +71,9 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Plan:
-    """Pictures and motions in the order in which they are used; the motions lead from `kept` to each."""
+    """Images and motions in the order in which they are used; the motions lead from `kept` to each."""
 
-    pictures: list[Path]
+    images: list[Path]
     motions: list[Motion]
     anchored: bool
 
@@ -93,36 +93,36 @@ def settings_of(options: RunOptions) -> DepthSettings:
 
 
 def make_plan(options: RunOptions) -> Plan:
-    """Find pictures and motion and bring them into order.
+    """Find images and motion and bring them into order.
 
     Raises:
         ImageError, MotionError, OptionError: what is missing or wrong.
     """
-    pictures = [path for path in list_pictures(options.sequence) if path != options.reference]
+    images = [path for path in list_images(options.sequence) if path != options.reference]
     folder = options.sequence if options.sequence.is_dir() else options.sequence.parent
     motion = options.motion or next(
         (folder / name for name in MOTION_NAMES if (folder / name).is_file()), None
     )
     if motion is None:
         raise MotionError(f"{folder}: no motion given, and none of {', '.join(MOTION_NAMES)} is there")
-    poses = read_poses(motion, pictures, options.motion_format)
-    order = list(options.order or range(1, len(pictures) + 1))
+    poses = read_poses(motion, images, options.motion_format)
+    order = list(options.order or range(1, len(images) + 1))
     frame = options.reference_frame
     for number in (*order, *(() if frame is None else (frame,))):
-        if not 1 <= number <= len(pictures):
-            raise OptionError(f"picture {number}: there are 1 to {len(pictures)}")
+        if not 1 <= number <= len(images):
+            raise OptionError(f"image {number}: there are 1 to {len(images)}")
     if len(order) < 2 or len(set(order)) != len(order):
-        raise OptionError("the order must name two or more different pictures")
+        raise OptionError("the order must name two or more different images")
     if frame is not None:
         order = [frame, *(number for number in order if number != frame)]
     chosen = [number - 1 for number in order]
     kept = [chosen[0]] * (len(chosen) - 1) if frame is not None else chosen[:-1]
     motions = [Motion.between(poses[a], poses[b]) for a, b in zip(kept, chosen[1:], strict=True)]
-    return Plan([pictures[i] for i in chosen], motions, frame is not None)
+    return Plan([images[i] for i in chosen], motions, frame is not None)
 
 
 def find_lens(options: RunOptions, shape: tuple[int, int], warn: Callable[[str], None]) -> Intrinsics:
-    """The lens of the camera file that was given or lies beside the pictures; else a guess, which is said."""
+    """The lens of the camera file that was given or lies beside the images; else a guess, with a warning."""
     folder = options.sequence if options.sequence.is_dir() else options.sequence.parent
     path = options.camera or (folder / "camera.toml" if (folder / "camera.toml").is_file() else None)
     height, width = shape
@@ -134,25 +134,27 @@ def find_lens(options: RunOptions, shape: tuple[int, int], warn: Callable[[str],
 
 
 def run(options: RunOptions, warn: Callable[[str], None]) -> Iterator[TableRow]:
-    """Run the sequence, write its files, and give a row after every picture but the first.
+    """Run the sequence, write its files, and give a row after every image but the first.
 
     Raises:
         DepthError: the first thing that is wrong, in one line.
     """
     settings, plan = settings_of(options), make_plan(options)
-    first = read_picture(plan.pictures[0])
+    first = read_image(plan.images[0])
     shape = (first.shape[0], first.shape[1])
     lens = find_lens(options, shape, warn)
-    camera, first = pinhole(lens), straighten(lens, first)
-    worth = None if options.reference_baseline is None else camera.fx * options.reference_baseline
+    camera, first = pinhole(lens), undistort(lens, first)
+    pixels_per_inverse_metre = (
+        None if options.reference_baseline is None else camera.fx * options.reference_baseline
+    )
     truth = (
         None
         if options.reference is None
-        else read_reference(options.reference, options.reference_scale, worth)
+        else read_reference(options.reference, options.reference_scale, pixels_per_inverse_metre)
     )
     for name, kept, motion in zip(
-        plan.pictures[1:],
-        [plan.pictures[0]] * len(plan.motions) if plan.anchored else plan.pictures,
+        plan.images[1:],
+        [plan.images[0]] * len(plan.motions) if plan.anchored else plan.images,
         plan.motions,
         strict=False,
     ):
@@ -161,24 +163,24 @@ def run(options: RunOptions, warn: Callable[[str], None]) -> Iterator[TableRow]:
     estimator = DepthFromMotion(camera, settings, plan.anchored)
     estimator.start(first)
     rows, image, result = [], first, None
-    for path, motion in zip(plan.pictures[1:], plan.motions, strict=True):
-        picture = straighten(lens, read_picture(path))
+    for path, motion in zip(plan.images[1:], plan.motions, strict=True):
+        newest = undistort(lens, read_image(path))
         begun = time.perf_counter()
         try:
-            result = estimator.step(picture, motion)
+            result = estimator.step(newest, motion)
         except ImageError as error:
             raise ImageError(f"{path}: {error}") from error
         seconds = time.perf_counter() - begun
-        image = first if plan.anchored else picture
+        image = first if plan.anchored else newest
         remark = (
-            doubt(result, settings)
+            find_implausibility(result, settings)
             if result.measured
             else explain_no_parallax(camera, motion, shape, settings)
         )
-        last = path == plan.pictures[-1]
+        last = path == plan.images[-1]
         accuracy = None
         if truth is not None and (plan.anchored or last):
-            accuracy = _compare(result, truth, worth, options)
+            accuracy = _compare(result, truth, pixels_per_inverse_metre, options)
         row = _row(path.name, motion, result, seconds, accuracy, remark)
         rows.append(row)
         _write_map(options.out, path.stem, result)
@@ -190,10 +192,10 @@ def run(options: RunOptions, warn: Callable[[str], None]) -> Iterator[TableRow]:
 
 
 def _compare(
-    result: DepthMap, truth: NDArray[np.float32], worth: float | None, options: RunOptions
+    result: DepthMap, truth: NDArray[np.float32], pixels_per_inverse_metre: float | None, options: RunOptions
 ) -> Accuracy:
     try:
-        return compare(result.state, truth, worth)
+        return compare(result.state, truth, pixels_per_inverse_metre)
     except ValueError as error:
         raise OptionError(f"{options.reference}: {error}") from error
 

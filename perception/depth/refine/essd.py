@@ -1,6 +1,6 @@
 """The extended sum of squared differences around a predicted match, thesis (2.6)–(2.8).
 
-Every pixel of the base picture is sent to the other one by its own inverse depth, so that the window
+Every pixel of the base image is sent to the other one by its own inverse depth, so that the window
 follows a slanted surface; the error surface is then expanded around that place along the epipolar line
 (u) and across it (v).
 """
@@ -21,7 +21,7 @@ Field = NDArray[np.float32]
 LEAST_POWER = 1e-3
 """No window has less contrast than this, grey levels squared."""
 SLOPE_NOISE = 0.76
-"""Variance of the noise in a slope for one of the noise in a softened picture, white before it was softened."""
+"""Variance of the noise in a slope for one of the noise in a softened image, white before it was softened."""
 TEXTURE_GATE = 0.01
 """Least ratio of standard deviation to mean for (2.8) to be used, thesis section 2.9.1."""
 
@@ -36,7 +36,7 @@ class Window(Enum):
 
 
 class BaseWindow:
-    """The windows of the base picture, whose moments all candidates share."""
+    """The windows of the base image, whose moments all candidates share."""
 
     def __init__(self, grey: Field, radius: int, window: Window = Window.FLAT) -> None:
         self.grey = grey
@@ -72,14 +72,14 @@ class BaseWindow:
 def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> Quadric:
     """The error surface around where `projection` sends every pixel, as a quadric in (u, v) pixels.
 
-    It is q(u, v) = Σ φ [I − a (J + u J_u + v J_v) − b]², J the warped picture and J_u, J_v its slopes along and
+    It is q(u, v) = Σ φ [I − a (J + u J_u + v J_v) − b]², J the warped image and J_u, J_v its slopes along and
     across the line. Mean and contrast, b and a, are fitted along with the place, and so taken out of every product.
     Differences of q between displaced windows would give the same curvatures, but their slope is false by
     what moves in and out of the window: h² Σ φ J_u J_uu for samples h apart, some hundredths of a pixel.
 
     Args:
-        base: the windows of the base picture.
-        other: the other picture.
+        base: the windows of the base image.
+        other: the other image.
         projection: the predicted place of every pixel.
     """
     along_x, along_y, _ = projection.line

@@ -31,7 +31,7 @@ class Springs:
 
     @classmethod
     def cut_at_edges(cls, guide: Field, contrast: float, disparity: Field, step_px: float) -> "Springs":
-        """Springs that weaken across an edge of the picture and all but tear at a step of the disparity."""
+        """Springs that weaken across an edge of the image and all but tear at a step of the disparity."""
 
         def stiffness(axis: int) -> Field:
             edge = np.diff(guide, axis=axis) / np.float32(contrast)
@@ -46,7 +46,7 @@ class Springs:
         vertical = np.empty_like(self.down)
         total[1:] += np.multiply(self.down, values[:-1], out=vertical)
         total[:-1] += np.multiply(self.down, values[1:], out=vertical)
-        # The picture as one long row, no spring between the end of a row and the next: twice as fast as row by row.
+        # The image as one long row, no spring between the end of a row and the next: twice as fast as row by row.
         row, springs = values.reshape(-1), self._right_of_all[:-1]
         along, horizontal = total.reshape(-1), np.empty_like(springs)
         along[1:] += np.multiply(springs, row[:-1], out=horizontal)

@@ -1,7 +1,7 @@
-"""The outline of a surface drawn back to where the picture changes.
+"""The outline of a surface drawn back to where the image changes.
 
 A window that holds two surfaces matches by the one with more texture, so that a surface grows over its
-outline by up to half the window, and the other picture, matched by the same windows, confirms it.
+outline by up to half the window, and the other image, matched by the same windows, confirms it.
 """
 
 import cv2
@@ -32,7 +32,7 @@ def align_outlines(disparity: Field, grey: Field, noise: float) -> Field:
 
     Args:
         disparity: height × width, px, no NaN.
-        grey: the picture, grey levels.
+        grey: the image, grey levels.
         noise: standard deviation of its noise, which no side's σ falls below.
     """
     side = (2 * REACH + 1, 2 * REACH + 1)

@@ -101,7 +101,7 @@ def refine(
 
 
 def _of_one_scale(base: View, other: View, geometry: Epipolar, inverse_depth: float) -> tuple[Field, Between]:
-    """The two pictures, softened so that they are alike where the other one shows the same things larger.
+    """The two images, softened so that they are alike where the other one shows the same things larger.
 
     A blur of variance σ² in each would be one of σ²s² and of σ² on the scale of the other one, and what they differ by
     repeats from pair to pair. So the one is softened by σ²/s and the other by σ²s, s the magnification.
@@ -146,7 +146,7 @@ def _first_step(
 
 
 def _thin_rows(rows: slice, step: int) -> slice:
-    """Those rows in a picture of every `step`-th row; they begin at one of them."""
+    """Those rows in an image of every `step`-th row; they begin at one of them."""
     return slice(rows.start // step, -(-rows.stop // step))
 
 

@@ -28,7 +28,7 @@ LEAST_VARIANCE = 1e-4
 
 @dataclass(frozen=True)
 class Displacements:
-    """Where every base pixel goes in the other picture, relative to the predicted place, with its variances."""
+    """Where every base pixel goes in the other image, relative to the predicted place, with its variances."""
 
     u: Field
     v: Field
@@ -42,7 +42,7 @@ def match_literally(
     """Inverse depth measured by one pair, (2.22): ρ = ρ̂ + cᵀQ⁻¹(d − d̂)/cᵀQ⁻¹c with variance 1/cᵀQ⁻¹c.
 
     Args:
-        base, other: grey pictures, height × width.
+        base, other: grey images, height × width.
         geometry: from the base view to the other.
         predicted: where the search begins; known at every pixel.
     """

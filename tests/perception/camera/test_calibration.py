@@ -1,4 +1,4 @@
-"""Intrinsics from rendered boards: the camera that took the pictures comes out."""
+"""Intrinsics from rendered boards: the camera that took the images comes out."""
 
 from math import radians
 
@@ -23,9 +23,9 @@ def view(yaw_deg: float, pitch_deg: float, noise: float = 0.0, seed: int = 0) ->
     turn = Placement(rotation_about(1, radians(yaw_deg)) @ rotation_about(0, radians(pitch_deg)))
     place = facing((0.5, 0.03 * np.sin(yaw_deg), 0.03 * np.cos(pitch_deg)))
     world = World([Rectangle(*BOARD.size, Texture(BOARD.draw(64)), still(place @ turn))], sky=160.0)
-    picture = render(world, OPTICS, facing((0.0, 0.0, 0.0)), 0.0)
-    picture = picture + noise * np.random.default_rng(seed).standard_normal(picture.shape)
-    return BOARD.find(np.clip(picture, 0, 255).astype(np.uint8))
+    image = render(world, OPTICS, facing((0.0, 0.0, 0.0)), 0.0)
+    image = image + noise * np.random.default_rng(seed).standard_normal(image.shape)
+    return BOARD.find(np.clip(image, 0, 255).astype(np.uint8))
 
 
 def views(noise: float = 0.0) -> list[BoardView]:
@@ -33,7 +33,7 @@ def views(noise: float = 0.0) -> list[BoardView]:
     return [each for each in found if each is not None]
 
 
-def test_the_rendered_camera_comes_out_of_its_pictures() -> None:
+def test_the_rendered_camera_comes_out_of_its_images() -> None:
     seen = views(noise=2.0)
     assert len(seen) == len(TURNS)
     result = estimate_intrinsics(seen, 320, 240)
@@ -64,7 +64,7 @@ def test_a_board_that_was_only_seen_squarely_is_refused() -> None:
         estimate_intrinsics([each for each in flat if each is not None], 320, 240)
 
 
-def test_a_picture_without_a_board_shows_none() -> None:
+def test_a_image_without_a_board_shows_none() -> None:
     assert BOARD.find(np.full((240, 320), 90, np.uint8)) is None
 
 

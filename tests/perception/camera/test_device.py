@@ -20,7 +20,7 @@ PATIENCE = 20.0
 
 
 class Server:
-    """A y4m stream of the test's own: each picture is one grey level, counting up."""
+    """A y4m stream of the test's own: each image is one grey level, counting up."""
 
     def __init__(self) -> None:
         self.size = (32, 24)
@@ -100,7 +100,7 @@ async def test_a_live_camera_gives_grey_frames_stamped_on_the_loops_clock() -> N
 async def test_frames_that_the_loop_was_too_slow_for_are_counted() -> None:
     async with serving() as server, live(server) as camera:
         await take(camera, 2)
-        await asyncio.sleep(0.5)  # 25 pictures that nobody takes
+        await asyncio.sleep(0.5)  # 25 images that nobody takes
         await take(camera, 1)
         assert camera.statistics.dropped >= 5
 

@@ -69,25 +69,25 @@ def test_an_unseen_pixel_has_no_ray() -> None:
     assert np.isnan(plain.rays(np.array([np.nan, np.nan]))).all()
 
 
-def test_an_undistorted_picture_shows_straight_lines() -> None:
+def test_an_undistorted_image_shows_straight_lines() -> None:
     board = np.zeros((480, 640), np.uint8)
     rows, columns = np.mgrid[0:480, 0:640]
     rays = LENS.rays(np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(float)).reshape(480, 640, 2)
     board[rays[..., 1] > 0.3] = 255  # seen through the lens: everything below a straight line in the world
     straight = LENS.undistort(board)
     edge = np.array([np.argmax(straight[:, c] > 127) for c in range(20, 620)])
-    # The line Y/Z = .3 stands on row fy .3 + cy = 391.25 of the undistorted picture.
+    # The line Y/Z = .3 stands on row fy .3 + cy = 391.25 of the undistorted image.
     assert np.abs(edge - 391.25).max() <= 1.5
 
 
-def test_a_picture_of_another_size_is_refused() -> None:
+def test_a_image_of_another_size_is_refused() -> None:
     with pytest.raises(IntrinsicsError, match=r"640 x 480.*32 x 24"):
         LENS.undistort(np.zeros((24, 32), np.uint8))
 
 
-def test_a_subsampled_picture_keeps_its_directions() -> None:
+def test_a_subsampled_image_keeps_its_directions() -> None:
     small = LENS.scaled(80, 60)
-    # The middle of the first 8 x 8 block is pixel 3.5 of the large picture and pixel 0 of the small one.
+    # The middle of the first 8 x 8 block is pixel 3.5 of the large image and pixel 0 of the small one.
     plain, half = (
         Intrinsics(640, 480, 500.0, 510.0, 321.5, 238.25),
         Intrinsics(**{**vars(small), "distortion": (0.0,) * 5}),

@@ -10,10 +10,20 @@ from perception.depth.estimator import DepthFromMotion
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DEFAULT
-from tools.depth.pictures import read_cones, read_tsukuba, read_tum
+from tools.depth.real_images import read_cones, read_tsukuba, read_tum
 from tools.depth.rendered import edge_masks
+from tools.depth.scenes import (
+    Plane,
+    Scene,
+    Sequence,
+    place,
+    render_sequence,
+    slanted_plane,
+    stripes,
+    table_top,
+    waves,
+)
 from tools.depth.score import run_sequence, run_views, score_frames, score_map, score_views
-from tools.depth_scenes import Plane, Scene, Sequence, film, place, slanted_plane, stripes, table_top, waves
 
 
 @pytest.mark.parametrize(("noise", "limit"), [(0.0, 0.005), (2.0, 0.02)], ids=["no noise", "2 grey levels"])
@@ -30,7 +40,7 @@ def test_forward_motion_measures_the_plane_too() -> None:
     base = slanted_plane(frames=2, size=(160, 120))
     poses = [place(0, 0, 0.12 * i) for i in range(6)]
     scene = _plane_scene(base.camera)
-    sequence = film("forward", scene, base.camera, (160, 120), poses)
+    sequence = render_sequence("forward", scene, base.camera, (160, 120), poses)
     score = score_map(run_sequence(sequence, DEFAULT)[4], sequence.truth[5])
     # 6 % of the depth a frame moves the corner by 5 px and the middle by none: a tenth of the lateral parallax
     assert score.median_error < 0.02
@@ -39,7 +49,7 @@ def test_forward_motion_measures_the_plane_too() -> None:
 def test_turning_while_moving_measures_as_well_as_moving() -> None:
     base = slanted_plane(frames=2, size=(160, 120))
     poses = [place(0.08 * i, 0, 0, 0.01 * i, -0.03 * i) for i in range(6)]
-    sequence = film("turning", _plane_scene(base.camera), base.camera, (160, 120), poses)
+    sequence = render_sequence("turning", _plane_scene(base.camera), base.camera, (160, 120), poses)
     score = score_map(run_sequence(sequence, DEFAULT)[4], sequence.truth[5])
     # the criterion of the plane without rotation
     assert score.median_error < 0.005
@@ -101,7 +111,7 @@ def test_no_motion_gives_no_depth_and_says_so() -> None:
 def test_pure_rotation_gives_no_depth_and_says_so() -> None:
     base = slanted_plane(frames=1, size=(96, 72))
     poses = [place(0, 0, 0, 0, 0.03 * i) for i in range(3)]
-    sequence = film("turn", _plane_scene(base.camera), base.camera, (96, 72), poses, samples=1)
+    sequence = render_sequence("turn", _plane_scene(base.camera), base.camera, (96, 72), poses, samples=1)
     maps = run_sequence(sequence, DEFAULT)
     assert not any(found.measured for found in maps)
     assert np.isnan(maps[-1].depth).all()
@@ -119,7 +129,7 @@ def test_standing_still_keeps_the_map() -> None:
     np.testing.assert_allclose(rested.depth[known], moved.depth[known], rtol=1e-2)
 
 
-def test_same_pictures_give_the_same_map_bit_for_bit() -> None:
+def test_same_images_give_the_same_map_bit_for_bit() -> None:
     sequence = slanted_plane(frames=3, size=(96, 72), noise=2)
     first, second = (run_sequence(sequence, DEFAULT)[-1] for _ in range(2))
     np.testing.assert_array_equal(first.state.value, second.state.value)
@@ -132,11 +142,11 @@ STEP = Motion(np.eye(3), np.array([-0.1, 0, 0]))
     ("second", "complaint"),
     [
         (np.zeros((40, 50), np.uint8), "50×40 after one of 60×40"),
-        (np.zeros((40, 60, 3), np.uint8), "colour picture after a grey one"),
+        (np.zeros((40, 60, 3), np.uint8), "colour image after a grey one"),
         (np.zeros((40, 60, 2), np.uint8), "neither grey nor colour"),
     ],
 )
-def test_pictures_that_do_not_fit_are_refused_in_one_line(second: np.ndarray, complaint: str) -> None:
+def test_images_that_do_not_fit_are_refused_in_one_line(second: np.ndarray, complaint: str) -> None:
     estimator = DepthFromMotion(Pinhole(60, 60, 30, 20))
     estimator.start(np.zeros((40, 60), np.uint8))
     with pytest.raises(ImageError, match=complaint) as caught:
@@ -149,7 +159,7 @@ def test_step_before_start_is_refused() -> None:
         DepthFromMotion(Pinhole(60, 60, 30, 20)).step(np.zeros((40, 60), np.uint8), STEP)
 
 
-def test_pictures_without_texture_do_not_make_the_estimator_sure() -> None:
+def test_images_without_texture_do_not_make_the_estimator_sure() -> None:
     estimator = DepthFromMotion(Pinhole(60, 60, 30, 20))
     estimator.start(np.full((40, 60), 90, np.uint8))
     found = estimator.step(np.full((40, 60), 90, np.uint8), STEP)

@@ -1,4 +1,4 @@
-"""Pictures and motions that belong to nothing: an answer or one of our errors, never a crash or a warning."""
+"""Images and motions that belong to nothing: an answer or one of our errors, never a crash or a warning."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ PICTURES: dict[str, Callable[[Random, tuple[int, int]], np.ndarray]] = {
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", PICTURES)
 @pytest.mark.parametrize(("preset", "cases"), [("default", 12), ("thesis", 4)])
-def test_any_pictures_with_any_motion_give_a_map_with_variances(preset: str, cases: int, kind: str) -> None:
+def test_any_images_with_any_motion_give_a_map_with_variances(preset: str, cases: int, kind: str) -> None:
     rng = np.random.default_rng(list(PICTURES).index(kind))
     for case in range(cases):
         height, width = (int(side) for side in rng.integers(16, 120, 2))
@@ -44,7 +44,7 @@ def test_any_pictures_with_any_motion_give_a_map_with_variances(preset: str, cas
             assert (state.variance[known] >= 0).all()
 
 
-def test_a_picture_that_holds_no_window_is_refused() -> None:
+def test_a_image_that_holds_no_window_is_refused() -> None:
     estimator = DepthFromMotion(Pinhole(50, 50, 20, 5))
-    with pytest.raises(ImageError, match="a picture of 40×10: at least 16×16 are needed"):
+    with pytest.raises(ImageError, match="an image of 40×10: at least 16×16 are needed"):
         estimator.start(np.zeros((10, 40), np.uint8))

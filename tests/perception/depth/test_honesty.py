@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from perception.depth.settings import DEFAULT
+from tools.depth.scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 from tools.depth.score import cover_sequence
-from tools.depth_scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 
 WHOLE: dict[str, Callable[[], Sequence]] = {
     "plane": slanted_plane,

@@ -8,8 +8,8 @@ import pytest
 from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
+from tools.depth.scenes import Sequence, table_top
 from tools.depth.score import run_sequence
-from tools.depth_scenes import Sequence, table_top
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Bands of rows give what the whole picture gives, whatever their number and that of the threads."""
+"""Bands of rows give what the whole image gives, whatever their number and that of the threads."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ from perception.depth.estimator import DepthFromMotion
 from perception.depth.settings import DEFAULT
 from perception.image import bands as room
 from perception.image.bands import Band, bands, join_bands, share
-from tools.depth_scenes import slanted_plane
+from tools.depth.scenes import slanted_plane
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (144, 192), (243, 321), (480, 640), (1080, 1920)])
@@ -22,7 +22,7 @@ def test_every_row_is_kept_once_and_stands_where_the_trim_says(shape: tuple[int,
     assert np.concatenate(kept).tolist() == rows.tolist()
 
 
-def test_a_halo_ends_at_the_picture() -> None:
+def test_a_halo_ends_at_the_image() -> None:
     first, *_, last = bands((480, 640), 10)
     assert (first.outer.start, last.outer.stop) == (0, 480)
     assert first.outer.stop == first.inner.stop + 10
@@ -32,13 +32,13 @@ def test_a_halo_ends_at_the_picture() -> None:
 def test_a_filter_in_bands_gives_the_same_bits(pixels: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "PIXELS", pixels)
     monkeypatch.setattr(room, "ALONE", 0)
-    picture = np.random.default_rng(0).normal(0, 1, (100, 70)).astype(np.float32)
+    image = np.random.default_rng(0).normal(0, 1, (100, 70)).astype(np.float32)
 
     def smooth(band: Band) -> tuple[np.ndarray, ...]:
-        return (np.asarray(cv2.blur(picture[band.outer], (9, 9)))[band.trim],)
+        return (np.asarray(cv2.blur(image[band.outer], (9, 9)))[band.trim],)
 
     (found,) = join_bands((100, 70), smooth, 4)
-    np.testing.assert_array_equal(found, cv2.blur(picture, (9, 9)))
+    np.testing.assert_array_equal(found, cv2.blur(image, (9, 9)))
 
 
 def test_work_may_share_work_of_its_own() -> None:

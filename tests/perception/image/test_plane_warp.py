@@ -7,7 +7,7 @@ import pytest
 from perception.depth.geometry.epipolar import Epipolar
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from perception.image.plane_warp import find_shift, shift_picture, warp_picture
+from perception.image.plane_warp import find_shift, shift_image, warp_image
 
 CAMERA = Pinhole(100.0, 90.0, 31.5, 23.5)
 
@@ -30,14 +30,14 @@ def test_a_camera_that_neither_turns_nor_moves_forward_shifts_its_planes() -> No
 )
 def test_a_shift_is_the_warp_by_its_homography(shift: tuple[float, float]) -> None:
     rng = np.random.default_rng(0)
-    picture = rng.integers(0, 256, (48, 64)).astype(np.uint8)
+    image = rng.integers(0, 256, (48, 64)).astype(np.uint8)
     matrix = np.array([[1, 0, shift[0]], [0, 1, shift[1]], [0, 0, 1]])
-    warped = warp_picture(picture, matrix, cv2.INTER_LINEAR, 127)
+    warped = warp_image(image, matrix, cv2.INTER_LINEAR, 127)
     # rounding to bytes between the two axes, and once more at the end
-    assert np.abs(shift_picture(picture, *shift, 127).astype(int) - warped).max() <= 1
+    assert np.abs(shift_image(image, *shift, 127).astype(int) - warped).max() <= 1
 
 
 def test_a_shift_out_of_sight_leaves_nothing_but_the_outside() -> None:
-    picture = np.full((48, 64), 9, np.int16)
+    image = np.full((48, 64), 9, np.int16)
     for shift in ((64.0, 0.0), (0.0, -48.0), (-1000.0, 3.0)):
-        assert (shift_picture(picture, *shift, 32_000) == 32_000).all()
+        assert (shift_image(image, *shift, 32_000) == 32_000).all()

@@ -18,6 +18,6 @@ def test_it_chooses_as_where_does(yes: np.ndarray | float, no: np.ndarray | floa
     np.testing.assert_array_equal(found, np.where(MASK, yes, no).astype(np.float32))
 
 
-def test_parts_of_larger_pictures_are_chosen_from_too() -> None:
+def test_parts_of_larger_images_are_chosen_from_too() -> None:
     found = select(MASK[2:5, ::2], FIELD[2:5, ::2], FIELD[3:6, ::2])
     np.testing.assert_array_equal(found, np.where(MASK[2:5, ::2], FIELD[2:5, ::2], FIELD[3:6, ::2]))

@@ -1,4 +1,4 @@
-"""Discs drawn at known places, with analytic coverage of each pixel; and the real pictures where they are present."""
+"""Discs drawn at known places, with analytic coverage of each pixel; and the real images where they are present."""
 
 from pathlib import Path
 
@@ -80,7 +80,7 @@ def test_a_shape_that_nothing_can_have_is_refused():
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="shared/data is not here")
-def test_the_white_disc_of_the_real_pictures_is_found_in_every_one_and_moves_smoothly():
+def test_the_white_disc_of_the_real_images_is_found_in_every_one_and_moves_smoothly():
     places = []
     for path in sorted(REAL.glob("*.png")):
         found = detect_bright_target(
@@ -89,6 +89,6 @@ def test_the_white_disc_of_the_real_pictures_is_found_in_every_one_and_moves_smo
         assert found is not None, path.name
         places.append((found.x_px, found.y_px))
     assert len(places) == 70
-    # The box is moved by hand: some pixels a picture; the brightest part of the background is more than 60 px
+    # The box is moved by hand: some pixels an image; the brightest part of the background is more than 60 px
     # away.
     assert np.abs(np.diff(places, axis=0)).max() < 15

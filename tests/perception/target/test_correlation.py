@@ -12,7 +12,7 @@ def texture(seed=3, size=128, smooth=6.0):
     return spectrum * np.exp(-((frequency * smooth) ** 2) * 4)
 
 
-def picture(spectrum, dx=0.0, dy=0.0, gain=1.0):
+def image(spectrum, dx=0.0, dy=0.0, gain=1.0):
     """The texture moved right by dx and down by dy pixels."""
     fx, fy = np.meshgrid(np.fft.fftfreq(spectrum.shape[1]), np.fft.fftfreq(spectrum.shape[0]))
     moved = np.fft.ifft2(spectrum * np.exp(-2j * np.pi * (fx * dx + fy * dy))).real
@@ -28,26 +28,26 @@ SUBPIXEL = 1 / 15
 @pytest.mark.parametrize(("dx", "dy"), [(0.0, 0.0), (3.4, -2.7), (-11.5, 6.25)])
 def test_a_patch_is_found_where_it_went(dx, dy):
     spectrum = texture()
-    target = PatchTarget(picture(spectrum)[50:75, 50:75])
-    found = target.detect(picture(spectrum, dx, dy), (62, 62))
+    target = PatchTarget(image(spectrum)[50:75, 50:75])
+    found = target.detect(image(spectrum, dx, dy), (62, 62))
     assert (found.x_px, found.y_px) == pytest.approx((62 + dx, 62 + dy), abs=SUBPIXEL)
 
 
 def test_a_change_of_light_does_not_lose_the_patch():
     spectrum = texture()
-    target = PatchTarget(picture(spectrum)[50:75, 50:75])
-    found = target.detect(picture(spectrum, 2.0, 0.0, gain=0.4))
+    target = PatchTarget(image(spectrum)[50:75, 50:75])
+    found = target.detect(image(spectrum, 2.0, 0.0, gain=0.4))
     assert (found.x_px, found.y_px) == pytest.approx((64, 62), abs=SUBPIXEL)
     assert found.confidence > 0.98
 
 
 def test_a_hidden_target_is_none_and_is_found_again_anywhere():
     spectrum = texture()
-    target = PatchTarget(picture(spectrum)[50:75, 50:75], near_px=8)
-    assert target.detect(picture(spectrum), (62, 62)) is not None
+    target = PatchTarget(image(spectrum)[50:75, 50:75], near_px=8)
+    assert target.detect(image(spectrum), (62, 62)) is not None
     assert target.detect(np.full((128, 128), 90, np.uint8)) is None
-    assert target.detect(picture(texture(seed=9))) is None
-    found = target.detect(picture(spectrum, 40.0, -30.0))
+    assert target.detect(image(texture(seed=9))) is None
+    found = target.detect(image(spectrum, 40.0, -30.0))
     assert (found.x_px, found.y_px) == pytest.approx((102, 32), abs=SUBPIXEL)
 
 
@@ -59,7 +59,7 @@ def test_a_patch_without_texture_is_refused():
 @pytest.mark.parametrize("shift", [-9.6, -0.3, 0.0, 4.5, 12.2])
 def test_the_disparity_at_the_fovea_is_the_shift_between_the_eyes(shift):
     spectrum = texture()
-    found = estimate_disparity(picture(spectrum), picture(spectrum, shift, 0.0))
+    found = estimate_disparity(image(spectrum), image(spectrum, shift, 0.0))
     assert found.x_px == pytest.approx(shift, abs=SUBPIXEL)
     assert found.y_px == pytest.approx(0.0, abs=SUBPIXEL)
 
@@ -67,9 +67,9 @@ def test_the_disparity_at_the_fovea_is_the_shift_between_the_eyes(shift):
 def test_a_disparity_beyond_the_search_or_without_texture_is_none():
     spectrum = texture()
     blank = np.full((128, 128), 60, np.uint8)
-    assert estimate_disparity(picture(spectrum), picture(spectrum, 40.0, 0.0)) is None
+    assert estimate_disparity(image(spectrum), image(spectrum, 40.0, 0.0)) is None
     assert estimate_disparity(blank, blank) is None
-    assert estimate_disparity(picture(spectrum), picture(texture(seed=9))) is None
+    assert estimate_disparity(image(spectrum), image(texture(seed=9))) is None
 
 
 def test_images_of_different_size_are_refused():

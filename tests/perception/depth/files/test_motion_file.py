@@ -40,7 +40,7 @@ def test_columns_may_stand_in_any_order_and_others_are_ignored(tmp_path: Path) -
     np.testing.assert_array_equal(poses[1][:3, 3], [1, 2, 3])
 
 
-def test_tum_poses_are_interpolated_at_the_time_of_the_picture(tmp_path: Path) -> None:
+def test_tum_poses_are_interpolated_at_the_time_of_the_image(tmp_path: Path) -> None:
     half = math.sin(0.05), math.cos(0.05)
     text = f"# t x y z q\n1.000 {STILL}\n1.020 0.2 0 0 0 0 {half[0]!r} {half[1]!r}\n"
     poses = read_poses(_file(tmp_path, "g.txt", text), TIMED)
@@ -64,7 +64,7 @@ def test_kitti_rows_are_the_poses(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("m.csv", HEADER + "0,0,0,0,0,0\n", "1 rows for 3 pictures; 2 are needed"),
+        ("m.csv", HEADER + "0,0,0,0,0,0\n", "1 rows for 3 images; 2 are needed"),
         ("m.csv", HEADER + "0,0,0,0,0,0\n0,0,0\n", "line 3: a number is missing or wrong"),
         ("m.csv", HEADER + "0,0,0,0,0,0\n0,nan,0,0,0,0\n", "line 3: holds a value that is no number"),
         ("m.csv", "tx,ty,tz\n1,2,3\n", "column 'wx' is missing"),
@@ -72,7 +72,7 @@ def test_kitti_rows_are_the_poses(tmp_path: Path) -> None:
         ("g.txt", f"1.0 {STILL}\n1.015 {STILL}\n", r"no pose at the time of 1\.020\.png"),
         ("g.txt", f"0.9 {STILL}\n1.2 {STILL}\n", r"0\.30 s without a pose around 1\.000\.png, at most 0\.2"),
         ("g.txt", f"1.0 {STILL}\n1.02 0 0 0\n", "line 2: 4 numbers, 8 are needed"),
-        ("p.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 poses for 3 pictures"),
+        ("p.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n", "1 poses for 3 images"),
         ("p.txt", "2 0 0 0 0 1 0 0 0 0 1 0\n" * 3, "pose 1: its 3×3 part is no rotation"),
         ("p.txt", "1 0 0 0 0 1 0 0 0 0 -1 0\n" * 3, "pose 1: its 3×3 part is no rotation"),
         ("p.txt", "hello\n", "neither CSV nor lines of 8"),
@@ -88,7 +88,7 @@ def test_what_is_wrong_with_a_file_is_one_line_that_names_it(
     assert "\n" not in str(refused.value)
 
 
-def test_pictures_without_times_in_their_names_have_no_tum_poses(tmp_path: Path) -> None:
+def test_images_without_times_in_their_names_have_no_tum_poses(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match=r"left\.png: its name is no time"):
         read_poses(_file(tmp_path, "g.txt", f"1 {STILL}\n2 {STILL}\n"), [Path("left.png"), Path("1.png")])
 

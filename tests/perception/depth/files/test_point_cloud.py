@@ -30,7 +30,7 @@ def test_a_point_stands_where_the_pinhole_says_with_its_colour(tmp_path: Path) -
     assert write_ply(tmp_path / "c.ply", CAMERA, _state(), image) == 1
     header, points = _body(tmp_path / "c.ply")
     assert header.startswith("ply\nformat binary_little_endian 1.0\nelement vertex 1\n")
-    # Z = 2 m at column 0: x = (0 − 1)/100·2; blue, green, red 0, 1, 2 in the picture.
+    # Z = 2 m at column 0: x = (0 − 1)/100·2; blue, green, red 0, 1, 2 in the image.
     np.testing.assert_allclose(list(points[0])[:3], [-0.02, 0.0, 2.0], rtol=1e-6)
     assert list(points[0])[3:] == [2, 1, 0]
 

@@ -12,13 +12,13 @@ from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.program.accuracy import compare
 
 
-def test_a_depth_picture_of_tum_holds_fifths_of_millimetres(tmp_path: Path) -> None:
+def test_a_depth_image_of_tum_holds_fifths_of_millimetres(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "d.png"), np.array([[10000, 0]], np.uint16))
     # 10000 / 5000 = 2 m.
     np.testing.assert_array_equal(read_reference(tmp_path / "d.png", 5000, None), np.float32([[0.5, np.nan]]))
 
 
-def test_a_disparity_picture_of_middlebury_holds_sixteenths_of_pixels(tmp_path: Path) -> None:
+def test_a_disparity_image_of_middlebury_holds_sixteenths_of_pixels(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "d.pgm"), np.array([[160, 0]], np.uint8))
     # 10 px over focal length 400 px times baseline 0.1 m: 0.25 per metre.
     np.testing.assert_array_equal(read_reference(tmp_path / "d.pgm", 16, 40), np.float32([[0.25, np.nan]]))

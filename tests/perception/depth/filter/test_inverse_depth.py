@@ -26,7 +26,7 @@ ANY = np.full(SHAPE, np.inf, np.float32)
 
 def test_from_a_wrong_start_the_filter_finds_the_depth():
     # The case at which the filter in Z of (2.25)–(2.28) leaves for −19 m: 5 m seen from a start at 12 m ± 5 m,
-    # f = 500 px, a baseline of .4 m a picture, half a pixel of noise, 15 pictures.
+    # f = 500 px, a baseline of .4 m an image, half a pixel of noise, 15 images.
     rng = np.random.default_rng(0)
     filtered = state(1 / 12, (5 / 12**2) ** 2)
     for _ in range(15):
@@ -75,7 +75,7 @@ def test_a_match_that_is_vague_by_itself_denies_no_sharp_prediction(
     assert fused.variance == pytest.approx(np.full(SHAPE, 0.01**2 if stays else deviation**2), rel=1e-5)
 
 
-def test_the_noise_of_a_picture_in_two_pairs_is_counted_once() -> None:
+def test_the_noise_of_a_image_in_two_pairs_is_counted_once() -> None:
     # n₁ − n₀ and n₂ − n₁, each of variance 2s, have the correlation −½; their mean is (n₂ − n₀)/2 of variance s/2
     rng = np.random.default_rng(2)
     noise = rng.normal(0, 1e-2, (3, *SHAPE))
@@ -89,7 +89,7 @@ def test_what_every_pair_repeats_is_not_averaged_away() -> None:
     filtered = state(0.5, 1e-4)
     for _ in range(200):
         filtered = fuse(filtered, state(0.5, 1e-4), SURE, np.inf, ANY, repeated=0.2e-4)
-    # the noise of .8e-4 over 201 pictures, and what repeats
+    # the noise of .8e-4 over 201 images, and what repeats
     np.testing.assert_allclose(filtered.variance, 0.2e-4 + 0.8e-4 / 201, rtol=1e-4)
     same = fuse(state(0.5, 1e-4), state(0.6, 1e-4), SURE, np.inf, ANY, repeated=1e-4)
     np.testing.assert_allclose(same.variance, 1e-4, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""The camera's motion between two pictures."""
+"""The camera's motion between two images."""
 
 from itertools import pairwise
 

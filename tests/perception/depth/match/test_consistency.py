@@ -1,4 +1,4 @@
-"""What the other picture confirms."""
+"""What the other image confirms."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Noise taken out of a picture."""
+"""Noise taken out of an image."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def test_an_edge_above_the_noise_stays_as_sharp_as_it_was() -> None:
     assert step > 0.97 * 50
 
 
-def test_a_picture_is_noisy_by_its_noise_against_its_texture() -> None:
+def test_a_image_is_noisy_by_its_noise_against_its_texture() -> None:
     rng = np.random.default_rng(2)
     x = np.arange(120, dtype=np.float32)
     waves = np.tile(100 + 40 * np.sin(x / 4), (90, 1)).astype(np.float32)
@@ -32,6 +32,6 @@ def test_a_picture_is_noisy_by_its_noise_against_its_texture() -> None:
     assert View(weak).noise_share > NOISY_SHARE
 
 
-def test_a_clean_picture_is_left_alone() -> None:
+def test_a_clean_image_is_left_alone() -> None:
     view = View(np.tile(100 + 40 * np.sin(np.arange(120) / 4), (90, 1)).astype(np.float32))
     assert view.denoised is view.grey

@@ -57,7 +57,7 @@ def test_a_wall_comes_out_where_it_stands(
     assert _run(monkeypatch, plane, "--out", out) == 0
     names = {f"{index}-{kind}" for index in (1, 2) for kind in ("depth.npy", "std.npy", "depth.png")}
     assert {path.name for path in out.iterdir()} == names | {"cloud.ply", "table.csv"}
-    # Two per cent: the bound for noisy pictures of issue "rendered planes"; here noise is rounding only.
+    # Two per cent: the bound for noisy images of issue "rendered planes"; here noise is rounding only.
     assert float(np.median(np.load(out / "2-depth.npy"))) == pytest.approx(DEPTH, rel=0.02)
     assert float(np.median(np.load(out / "2-std.npy"))) < 0.02 * DEPTH
     assert "2.png" in capsys.readouterr().out
@@ -90,12 +90,12 @@ def _replace(plane: Path, index: int, change: str) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("grey", r"2.png: a grey picture after a colour one"),
-        ("size", r"2.png: a picture of 64×40 after one of 64×48"),
-        ("torn", r"2.png: cannot be read as a picture"),
+        ("grey", r"2.png: a grey image after a colour one"),
+        ("size", r"2.png: an image of 64×40 after one of 64×48"),
+        ("torn", r"2.png: cannot be read as an image"),
     ],
 )
-def test_a_bad_last_picture_is_one_line_and_leaves_no_output(
+def test_a_bad_last_image_is_one_line_and_leaves_no_output(
     plane: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -112,7 +112,7 @@ def test_a_bad_last_picture_is_one_line_and_leaves_no_output(
 @pytest.mark.parametrize(
     ("steps", "told"),
     [
-        (_steps(1), "1 rows for 3 pictures; 2 are needed"),
+        (_steps(1), "1 rows for 3 images; 2 are needed"),
         (_steps(2, "0,0,0,0,0,0"), "the camera did not move: no depth can follow"),
         (_steps(2, "0,0,0,0,0.02,0"), "the camera only turned, by 1.15°: no depth can follow"),
         # Millimetres for metres, and kilometres for metres.
@@ -145,12 +145,12 @@ def test_a_right_motion_is_not_doubted(
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        (["nowhere", "--out", "o"], 2, "neither a folder of pictures"),
+        (["nowhere", "--out", "o"], 2, "neither a folder of images"),
         (["."], 2, "--out"),
         ([".", "--out", "o", "--bogus"], 2, "--bogus"),
         ([".", "--out", "o", "--near", "close"], 2, "--near"),
         (["views", "--out", "o", "--order", "1,two"], 2, "--order"),
-        (["views", "--out", "o", "--order", "1,9"], 3, "picture 9: there are 1 to 3"),
+        (["views", "--out", "o", "--order", "1,9"], 3, "image 9: there are 1 to 3"),
         (["views", "--out", "o", "--start-depth", "0"], 2, "above 0"),
         (["views", "--out", "o", "--reference-scale", "nan"], 2, "above 0"),
         (["views", "--out", "o", "--preset", "best"], 3, "no preset 'best'; there is default, thesis"),

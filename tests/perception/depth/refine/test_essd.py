@@ -90,7 +90,7 @@ def test_an_edge_along_the_motion_says_nothing_about_depth():
         other = (pattern(angle, 2.0) + rng.normal(0, 1, (60, 80))).astype(np.float32)
         window = BaseWindow(noisy, 4, Window.TENT)
         surface = sample_surface(window, Between(other), geometry.project(2.0))
-        # Noise of both pictures, and a tenth of a pixel across the line: λ_ep = s²/σ_ep².
+        # Noise of both images, and a tenth of a pixel across the line: λ_ep = s²/σ_ep².
         power = np.full((60, 80), 2.0, np.float32)
         along, _, _ = surface.covariance(power, power / np.float32(0.01))
         spread.append(float(np.sqrt(np.median(along[15:-15, 15:-15]))))

@@ -15,8 +15,8 @@ from perception.depth.match.search_range import widest_range
 from perception.depth.match.view import View
 from perception.depth.refine.motion_correction import Correction, correct_motion, motion_jacobian
 from perception.depth.settings import DEFAULT
+from tools.depth.scenes import Plane, Scene, Sequence, place, render_sequence, slanted_plane, table_top, waves
 from tools.depth.score import run_sequence, score_map
-from tools.depth_scenes import Plane, Scene, Sequence, film, place, slanted_plane, table_top, waves
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_the_remaining_error_is_no_smaller_than_what_looks_like_depth(table: Seq
 
 
 def shaken(table: Sequence, seed: int) -> list[Motion]:
-    """Motions from the first picture whose pitch and roll err by .4°, as of poses measured one by one."""
+    """Motions from the first image whose pitch and roll err by .4°, as of poses measured one by one."""
     rng = np.random.default_rng(seed)
     exact = [Motion.between(table.poses[0], pose) for pose in table.poses[1:]]
     return [
@@ -142,10 +142,10 @@ def test_a_motion_with_residuals_keeps_the_keyframe_until_the_baseline_is_long()
     table = table_top(frames=10, size=(256, 192))
     estimator = DepthFromMotion(table.camera, DEFAULT)
     estimator.start(table.images[0])
-    kept = [estimator._kept.view]
+    kept = [estimator._keyframe.view]
     for image, motion in zip(table.images[1:5], table.motions[:4], strict=True):
         estimator.step(image, disturbed(motion, (0.004, 0.0, 0.0), (0.0, 0.0, 0.0)))
-        kept.append(estimator._kept.view)
+        kept.append(estimator._keyframe.view)
     assert kept[0] is kept[1] is kept[2]
     assert kept[4] is not kept[0]
 
@@ -164,7 +164,9 @@ def test_a_slow_camera_measures_as_soon_as_its_steps_add_up() -> None:
     sequence = slanted_plane(frames=2, size=(96, 72))
     camera, settings = sequence.camera, replace(DEFAULT, near=0.25)
     scene = Scene((Plane((0, 0, 0.4), (1, 0, 0), (0, 1, 0)),), waves(5, 8 * 0.4 / camera.fx, 0.1))
-    slow = film("slow", scene, camera, (96, 72), [place(0.0009 * i, 0, 0) for i in range(9)], samples=1)
+    slow = render_sequence(
+        "slow", scene, camera, (96, 72), [place(0.0009 * i, 0, 0) for i in range(9)], samples=1
+    )
     maps = run_sequence(slow, settings)
     assert [found.measured for found in maps] == [False, True] * 4
     # .22 px a step at .4 m; a match errs by some hundredths

@@ -1,4 +1,4 @@
-"""A surface's outline drawn back to the picture's edge."""
+"""A surface's outline drawn back to the image's edge."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ EDGE = 30
 
 
 def fat_board(grown: int, near_grey: float, far_grey: float, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """A board at 10 px from column EDGE on before a wall at 4 px, its disparity grown to the left; and the picture."""
+    """A board at 10 px from column EDGE on before a wall at 4 px, its disparity grown to the left; and the image."""
     disparity = np.full((40, 60), 4, np.float32)
     disparity[:, EDGE - grown :] = 10
     grey = np.full((40, 60), far_grey, np.float32)
@@ -33,7 +33,7 @@ def test_a_surface_that_shrank_is_drawn_out() -> None:
     assert (aligned[:, :EDGE] < 7).all()
 
 
-def test_a_picture_without_an_edge_moves_no_outline() -> None:
+def test_a_image_without_an_edge_moves_no_outline() -> None:
     disparity, grey = fat_board(3, 100, 100, noise=2)
     aligned = align_outlines(disparity, grey, 2.0)
     # Both sides have one mean and one variance; only a pixel beyond three deviations can seem to be of one of them.

@@ -48,7 +48,7 @@ def test_2_11_is_the_scatter_of_matches_under_noise_of_two_levels() -> None:
 
 @pytest.mark.parametrize(("variance_z", "expected"), [(25.0, 5.001), (1.0, 5.025), (0.1, 5.243)])
 def test_inverse_depth_converges_where_the_filter_in_z_diverges(variance_z: float, expected: float) -> None:
-    # true 5 m, prior 12 m, f·B = 500 · .4 = 200 px·m, σ = .5 px, 15 pictures. In Z the first update leaves for
+    # true 5 m, prior 12 m, f·B = 500 · .4 = 200 px·m, σ = .5 px, 15 images. In Z the first update leaves for
     # −4.7 m (25 m²) and −10.6 m (1 m²). P of ρ is P_Z/Z⁴.
     def belief(value: float, variance: float) -> InverseDepth:
         return InverseDepth(*(np.full((1, 1), number, np.float32) for number in (value, variance, 0.1)))

@@ -59,6 +59,6 @@ def test_variance_of_the_interpolation(independent: bool) -> None:
     assert state.variance[0, 1] == pytest.approx(expected, rel=1e-5)
 
 
-def test_points_that_leave_the_picture_are_dropped() -> None:
+def test_points_that_leave_the_image_are_dropped() -> None:
     state = warp_map(certain(row(0.5, 0.5)), moved_to(row(-3, 7)))
     assert np.isnan(state.value).all()

@@ -1,6 +1,6 @@
 """Rendered sequences with exact depth: planes, boxes and a relief under a solid texture of plane waves.
 
-The texture is a function of the point in space, so nothing is interpolated: a picture's grey levels are
+The texture is a function of the point in space, so nothing is interpolated: an image's grey levels are
 right to the last bit of the arithmetic, and the inverse depth is that of the ray through the pixel.
 """
 
@@ -123,7 +123,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Sequence:
-    """Pictures, the truth of each, and the motion from each to the next."""
+    """Images, the truth of each, and the motion from each to the next."""
 
     name: str
     camera: Pinhole
@@ -154,7 +154,7 @@ def expose(grey: Array, noise: float, rng: np.random.Generator) -> NDArray[np.ui
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def film(
+def render_sequence(
     name: str,
     scene: Scene,
     camera: Pinhole,
@@ -165,7 +165,7 @@ def film(
     seed: int = 0,
     samples: int = 2,
 ) -> Sequence:
-    """Render a scene along the poses; light(i) is the gain of picture i."""
+    """Render a scene along the poses; light(i) is the gain of image i."""
     rng = np.random.default_rng(seed)
     images, truth = [], []
     for i, pose in enumerate(poses):
@@ -187,8 +187,8 @@ def slanted_plane(
     """A plane 2 m away, slanted about the vertical, seen by a camera that moves.
 
     Args:
-        step: by how much a picture, right and forward, m; 8 px to the right by default.
-        yaw: by how much it turns a picture, rad.
+        step: by how much an image, right and forward, m; 8 px to the right by default.
+        yaw: by how much it turns an image, rad.
     """
     focal = size[0] * 1.0
     camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
@@ -196,13 +196,13 @@ def slanted_plane(
     scene = Scene((Plane((0, 0, 2), turned, (0, 1, 0)),), waves(seed, 8.0 / focal, 0.5))
     right, forward = (8 * 2 / focal, 0.0) if step is None else step
     poses = [place(right * i, 0, forward * i, yaw=yaw * i) for i in range(frames)]
-    return film("plane", scene, camera, size, poses, noise, seed=seed)
+    return render_sequence("plane", scene, camera, size, poses, noise, seed=seed)
 
 
 def table_top(
     frames: int = 12, noise: float = 1.0, size: tuple[int, int] = (256, 192), seed: int = 2
 ) -> Sequence:
-    """Boxes on a table before a wall; the camera moves right for half of the pictures, then up (figure 2.12)."""
+    """Boxes on a table before a wall; the camera moves right for half of the images, then up (figure 2.12)."""
     focal = size[0] * 1.1
     camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
     right, down, away = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -225,7 +225,7 @@ def table_top(
     scene = Scene(tuple(surfaces), waves(seed, 7.0 / focal, 0.4))
     step, half = 0.03, (frames + 1) // 2
     poses = [place(step * min(i, half - 1), -step * max(0, i - half + 1), 0) for i in range(frames)]
-    return film("table-top", scene, camera, size, poses, noise, seed=seed)
+    return render_sequence("table-top", scene, camera, size, poses, noise, seed=seed)
 
 
 def sea_bed(
@@ -235,7 +235,7 @@ def sea_bed(
     seed: int = 3,
     contrast: float = 9.0,
 ) -> Sequence:
-    """A rolling sea bed before a camera that sinks at 1 m/s, a picture every 0.4 s, in poor and changing light."""
+    """A rolling sea bed before a camera that sinks at 1 m/s, an image every 0.4 s, in poor and changing light."""
     focal = size[0] * 1.0
     camera = Pinhole(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
 
@@ -252,7 +252,9 @@ def sea_bed(
     relief = Relief(plane, lambda u, v: -height(u, v))
     scene = Scene((relief,), waves(seed, 9.0 * 11 / focal / 2, 4.0), mean=70.0, contrast=contrast)
     poses = [place(0, -1.4 + 0.4 * i, 0) for i in range(frames)]
-    return film("sea bed", scene, camera, size, poses, noise, lambda i: 1 + 0.2 * np.sin(1.7 * i), seed=seed)
+    return render_sequence(
+        "sea bed", scene, camera, size, poses, noise, lambda i: 1 + 0.2 * np.sin(1.7 * i), seed=seed
+    )
 
 
 def stripes(
@@ -277,7 +279,7 @@ def stripes(
     scene = Scene((Plane((0, 0, 2), right, down), Plane((0.05, 0, 1.5), right, down, (0.32, 0.25))), texture)
     step = 0.05
     poses = [place(step * min(i, turn), -step * max(0, i - turn), 0) for i in range(frames)]
-    return film("stripes", scene, camera, size, poses, noise, samples=1)
+    return render_sequence("stripes", scene, camera, size, poses, noise, samples=1)
 
 
 def approach(frames: int = 5, noise: float = 1.0, size: tuple[int, int] = (160, 120)) -> Sequence:
@@ -289,4 +291,4 @@ def approach(frames: int = 5, noise: float = 1.0, size: tuple[int, int] = (160, 
         (Plane((0, 0.8, 0), right, away), Plane((0, 0, 5.0), right, down)), waves(7, 10.0 * 3 / focal, 1.0)
     )
     poses = [place(0.02 * i, 0, 0.3 * i, yaw=0.01 * i) for i in range(frames)]
-    return film("approach", scene, camera, size, poses, noise)
+    return render_sequence("approach", scene, camera, size, poses, noise)

@@ -1,4 +1,4 @@
-"""The real pictures of ../shared/data with their truth; None where the folder is absent."""
+"""The real images of ../shared/data with their truth; None where the folder is absent."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
-from tools.depth_scenes import Sequence
+from tools.depth.scenes import Sequence
 
 Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
@@ -22,7 +22,7 @@ STEP_M = 0.01
 
 @dataclass(frozen=True)
 class Views:
-    """Pictures of one row of cameras, where each stands (in steps to the right), and the true disparity of one."""
+    """Images of one row of cameras, where each stands (in steps to the right), and the true disparity of one."""
 
     name: str
     images: list[Image]
