@@ -1,4 +1,4 @@
-"""What can be wrong with what the depth estimator is given."""
+"""What can be wrong with the estimator's input."""
 
 
 class DepthError(Exception):

@@ -26,26 +26,27 @@ from perception.image.quantile import known_median
 
 Field = NDArray[np.float32]
 LEAST_PARALLAX_PX = 0.5
-"""A motion that moves no point nearer than `near` by this much tells nothing about depth."""
+"""A motion that moves no point beyond `near` by this much determines no depth."""
 KEYFRAME_PARALLAX_PX = 12.0
 """While there are epipolar residuals, an image is kept until the median depth has moved by this much against it."""
 LEAST_SIDE = 16
-"""Smaller images hold no windows, pixels."""
+"""Shorter side, in pixels, below which an image holds no windows."""
 LEAST_OVERLAP = 0.6
-"""An image is not kept when less than this part of the newest is confirmed by it, or could be."""
+"""An image stays no keyframe when less than this part of the newest is confirmed by it, or could be."""
 
 
 @dataclass(frozen=True)
 class DepthMap:
-    """The state after an image: inverse depth of the map's view, and how it came about."""
+    """The state after an image: inverse depth of the map's view, and how it was obtained."""
 
     state: InverseDepth
     measured: bool
-    """False when the motion gave no parallax and the map was only carried along."""
+    """False when the motion gave no parallax and the map was only warped."""
     confirmed: float
     """The part of the pixels whose match was confirmed both ways."""
     lowest: float = float("nan")
     highest: float = float("nan")
+    """Between which inverse depths, 1/m, was searched."""
     residual_px: float = 0.0
     """Epipolar residual of the motion that was given, which was then corrected; 0 when it is within the matches' own
     deviation."""
@@ -62,7 +63,11 @@ class DepthMap:
 
 
 def as_grey(image: NDArray[np.uint8]) -> Field:
-    """The image as grey levels in single precision."""
+    """The image, height × width or × 3 (BGR), as grey levels in single precision.
+
+    Raises:
+        ImageError: it has another shape.
+    """
     if image.ndim == 3 and image.shape[2] == 3:
         return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
     if image.ndim != 2:
@@ -93,6 +98,9 @@ class DepthFromMotion:
 
     def start(self, image: NDArray[np.uint8]) -> DepthMap:
         """Take the first image.
+
+        Args:
+            image: height × width grey or × 3 colour (BGR).
 
         Raises:
             ImageError: it is no image, or too small to hold a window.
@@ -142,7 +150,7 @@ class DepthFromMotion:
         tracked = keyframe.corrected.then(motion)
         apart = keyframe.given.inverse().then(tracked)
         if not self.anchored and apart.angle + apart.distance > 1e-6:
-            # Steps that were measured one by one err the more the more of them there are since the kept image.
+            # Steps that were measured one by one err the more the more of them there are since the keyframe.
             stepped = Epipolar(self.camera, tracked.inverse(), shape)
             again, turned_again = match_turned(base, other, stepped, searched or limits, self.settings)
             if again.cost < LESS_COST * coarse.cost:

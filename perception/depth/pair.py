@@ -27,9 +27,9 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Match:
-    """What one pair says: inverse depth with variance, which pixels were confirmed both ways, from how far
-    off (1/m) it may still be the surface that was predicted, which part of the variance the next pair repeats, and
-    which pixels were measured on the error surface, so that noise is what else they err by."""
+    """What one pair measures, height × width: inverse depth with variance; which pixels were confirmed both ways; from
+    how far off (1/m) it may still be the surface that was predicted; which part of the variance, (1/m)², the next pair
+    repeats; and which pixels were measured on the error surface, so that the rest of their error is noise."""
 
     measured: InverseDepth
     confirmed: Mask
@@ -81,9 +81,9 @@ def match_pair(
     Args:
         base, other: the two images.
         geometry: from the base view to the other.
-        lowest, highest: inverse depths between which to search.
+        lowest, highest: inverse depths between which to search, 1/m.
         predicted: what is expected of the base view; NaN where nothing is.
-        motion_error_px: by how much the motion is expected to shift a match along its line.
+        motion_error_px: by how much the motion's error is expected to shift a match along its line.
     """
     choice = choose_on_affordable_level(base, other, geometry, lowest, highest, predicted, settings)
     if not choice.confirmed.any():
@@ -109,10 +109,11 @@ def match_pair(
     def settle(band: Band) -> tuple[NDArray[Any], ...]:
         rows = band.outer
         fine, fine_variance = refinement.disparity(rows, choice.spacing)
-        worth = refinement.worth[rows]
-        drift = refinement.off_line / np.square(np.maximum(worth, np.float32(1e-6))) / choice.spacing**2
+        sensitivity = refinement.sensitivity[rows]
+        drift = refinement.off_line / np.square(np.maximum(sensitivity, np.float32(1e-6))) / choice.spacing**2
         blunt = (
-            np.square(np.float32(settings.unrefined_px) / np.maximum(worth * choice.spacing, 1e-3)) + drift
+            np.square(np.float32(settings.unrefined_px) / np.maximum(sensitivity * choice.spacing, 1e-3))
+            + drift
         )
         blunt = blunt + np.square(np.float32(settings.ambiguous_px) * choice.ambiguity[rows])
         step = step_height(disparity[rows], settings.window_radius)

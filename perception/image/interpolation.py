@@ -1,6 +1,6 @@
 """Grey levels and slopes between the pixels, at exact places.
 
-OpenCV's cubic kernel moves a wave of 8 pixels by up to .034 pixels and its table knows 32 places between two
+OpenCV's cubic kernel moves a wave of 8 pixels by up to .034 pixels and its table has 32 places between two
 pixels; both are errors of the disparity that no averaging takes away. Its linear look-ups are exact since version 5.
 """
 
@@ -16,8 +16,8 @@ FIRST = np.array([[-2, 13, -50, 0, 50, -13, 2]], np.float32) / np.float32(60)
 """The slope, right for polynomials to the fourth degree and within 3 % for waves of 4 pixels and more."""
 
 
-class Between:
-    """An image that can be asked between its pixels."""
+class InterpolatedImage:
+    """An image with grey levels and slopes between its pixels."""
 
     def __init__(self, grey: Field) -> None:
         self._across, self._down = _correlate(grey, SECOND), _correlate(grey, SECOND.T)
@@ -35,6 +35,9 @@ class Between:
 
         Everett's formula along both axes, I(x₀ + f) = (1−f) I₀ + f I₁ − f (1−f)/2 [(2−f)/3 δ²₀ + (1+f)/3 δ²₁].
         The bracket is δ² interpolated at (1+f)/3; for the slopes, that move no match, at f.
+
+        Args:
+            x, y: columns and rows, pixels, arrays of one shape.
         """
         left, top = np.floor(x), np.floor(y)
         part_x, part_y = x - left, y - top

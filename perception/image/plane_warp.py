@@ -27,17 +27,18 @@ def find_shift(homography: Matrix) -> tuple[float, float] | None:
 
 
 def shift_image(image: AnyImage, x: float, y: float, outside: int) -> AnyImage:
-    """What stands at (column + x, row + y), linear between pixels; `outside` where the image ends.
+    """The image at (column + x, row + y), linear between pixels; `outside` where it ends.
 
     Args:
         image: one channel, height × width.
+        x, y: pixels.
     """
     place, source, parts = [], [], []
     for size, shift in zip(image.shape, (y, x), strict=True):
         whole = int(np.floor(shift + WHOLE_PX))
         part = shift - whole if shift - whole > WHOLE_PX else 0.0
         between = int(part > 0)
-        # One line of `outside` stands on both sides.
+        # One line of `outside` is on both sides.
         first, last = max(0, -whole - 1), min(size, size + 1 - whole - between)
         if first >= last:
             return np.full_like(image, outside)

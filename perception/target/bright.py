@@ -12,7 +12,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Target:
-    """Where a target stands in an image.
+    """Where a target is in an image.
 
     x_px, y_px: its centre, pixel centres at whole numbers, x right, y down, origin at the first pixel.
     area_px: its area, in pixels of the image it was found in. confidence: 0 to 1. sigma_px: standard
@@ -28,7 +28,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a component must be like to be taken for the target; None asks nothing.
+    """What a component must be like to be taken for the target; None sets no limit.
 
     roundness: area/(4π √det M), M the second central moments; 1 for every filled ellipse, however flat, less
     for anything else. flatness: the ratio of the ellipse's minor to its major axis.

@@ -17,7 +17,7 @@ def peak(scores: Scores) -> tuple[float, float, float]:
 
     The vertex of the paraboloid that fits the peak and its eight neighbours best, which unlike two parabolas,
     one a direction, is right on a slanted ridge too. At the map's rim, where the map is flat, or where the
-    vertex leaves the peak's own pixel, the whole pixel stands.
+    vertex leaves the peak's own pixel, the whole pixel is returned.
     """
     _, height, _, (column, row) = cv2.minMaxLoc(scores)
     x, y = float(column), float(row)
@@ -51,7 +51,7 @@ class PatchTarget:
     lost.
 
     patch (h, w): what it looks like. near_px: how far from the expected place it is looked for. keep: the
-    least correlation at which it is still the target; find: the least at which it is believed after a loss
+    least correlation at which it is still the target; find: the least at which it is found again after a loss
     (higher: the whole image offers more to mistake for it). Raises ValueError for a patch without contrast:
     it would be found everywhere.
     """
@@ -105,7 +105,7 @@ class PatchTarget:
 
 @dataclass(frozen=True)
 class Disparity:
-    """Where the right image shows what stands at the left fovea: right − left [px], and the score, −1 to 1."""
+    """Where the right image shows what is at the left fovea: right − left [px], and the score, −1 to 1."""
 
     x_px: float
     y_px: float

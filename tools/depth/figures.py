@@ -172,7 +172,7 @@ def draw_light(path: Path, tables: dict[str, dict[str, dict[str, float]]]) -> No
 
 
 def draw_coverage(path: Path, covers: dict[str, tuple[float, float]]) -> None:
-    """How many errors lie within the 68 % and the 95 % interval, rendered and real, beside what is asked."""
+    """How many errors lie within the 68 % and the 95 % interval, rendered and real, beside what is required."""
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(figsize=(7.2, 0.42 * len(covers) + 1.4), layout="constrained")
         rows = np.arange(len(covers))[::-1]

@@ -9,13 +9,13 @@ Field = NDArray[np.float32]
 
 
 def match_sgbm(left: Image, right: Image, most: int) -> Field:
-    """StereoSGBM 3-way: block 5, P1 200, P2 800, uniqueness 10, speckle 100/2; px, NaN where it says nothing."""
+    """StereoSGBM 3-way: block 5, P1 200, P2 800, uniqueness 10, speckle 100/2; px, NaN where it gives nothing."""
     matcher = cv2.StereoSGBM.create(0, most, 5, 200, 800, 1, 0, 10, 100, 2, cv2.STEREO_SGBM_MODE_SGBM_3WAY)
     return _in_pixels(np.asarray(matcher.compute(left, right)))
 
 
 def match_bm(left: Image, right: Image, most: int) -> Field:
-    """StereoBM: block 15, uniqueness 10, speckle 100/2; px, NaN where it says nothing."""
+    """StereoBM: block 15, uniqueness 10, speckle 100/2; px, NaN where it gives nothing."""
     matcher = cv2.StereoBM.create(most, 15)
     matcher.setUniquenessRatio(10)
     matcher.setSpeckleWindowSize(100)

@@ -40,12 +40,12 @@ def grey(image: Image) -> Image:
 
 
 def score_five_views(views: Views) -> dict[str, Any]:
-    """Tsukuba's five views: the map carried to view 3, which has the truth, or held in it and scored frame by frame."""
-    carried, thesis = (
+    """Tsukuba's five views: the map warped to view 3, which has the truth, or anchored in it and scored each time."""
+    warped, thesis = (
         run_views(views, IN_ORDER, lateral(preset, views.name))[-1] for preset in ("default", "thesis")
     )
     return {
-        "views 1, 2, 5, 4, 3": [score_views(carried, views)],
+        "views 1, 2, 5, 4, 3": [score_views(warped, views)],
         "reference frame 3": [
             score_views(found, views)
             for found in run_views(views, ANCHORED, lateral("default", views.name), anchored=True)
@@ -96,9 +96,9 @@ def score_light_of_pair(views: Views) -> dict[str, dict[str, float]]:
 
 
 def score_hand_held(sequence: Sequence) -> dict[str, Any]:
-    """TUM's nine frames: the map carried along, and held in the last view with the others against it."""
+    """TUM's nine frames: the map warped along, and anchored in the last view with the others against it."""
     settings = replace(DEFAULT, near=0.3, far=10.0)
-    carried = [score.to_json() for score in score_frames(sequence, run_sequence(sequence, settings))]
+    warped = [score.to_json() for score in score_frames(sequence, run_sequence(sequence, settings))]
     last = len(sequence.images) - 1
     estimator = DepthFromMotion(sequence.camera, settings, anchored=True)
     estimator.start(sequence.images[last])
@@ -106,4 +106,4 @@ def score_hand_held(sequence: Sequence) -> dict[str, Any]:
     for k in range(last):
         found = estimator.step(sequence.images[k], Motion.between(sequence.poses[last], sequence.poses[k]))
         held.append(score_map(found, sequence.truth[last]).to_json())
-    return {"carried along": carried, "reference frame 9": held}
+    return {"carried along": warped, "reference frame 9": held}

@@ -22,7 +22,7 @@ STEP_M = 0.01
 
 @dataclass(frozen=True)
 class Views:
-    """Images of one row of cameras, where each stands (in steps to the right), and the true disparity of one."""
+    """Images of one row of cameras, each one's place (in steps to the right), and the true disparity of one."""
 
     name: str
     images: list[Image]

@@ -66,7 +66,7 @@ class Relief:
     height: Callable[[Array, Array], Array]
 
     def meet(self, origin: Array, rays: Array) -> Array:
-        """Ray parameter of the hit, by Newton's step along the plane's normal until it stands still."""
+        """Ray parameter of the hit, by Newton's step along the plane's normal until it converges."""
         u, v, point = np.array(self.plane.u), np.array(self.plane.v), np.array(self.plane.point)
         normal = np.cross(u, v)
         s = self.plane.meet(origin, rays)
@@ -269,7 +269,7 @@ def stripes(
 
     def texture(points: Array) -> Array:
         board = points[..., 2] < 1.75
-        # Not quite level and upright: a stripe exactly along the motion says nothing at all.
+        # Not quite level and upright: a stripe exactly along the motion determines nothing at all.
         along = np.where(
             board, points[..., 1] + 0.03 * points[..., 0], points[..., 0] + 0.03 * points[..., 1]
         )

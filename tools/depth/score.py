@@ -89,7 +89,7 @@ def run_views(
     anchored: bool = False,
     images: list[Image] | None = None,
 ) -> list[DepthMap]:
-    """The maps of lateral views taken in `order`; when anchored, all stand in the view of the first."""
+    """The maps of lateral views taken in `order`; when anchored, all are in the view of the first."""
     images = views.images if images is None else images
     estimator = DepthFromMotion(views.camera, settings, anchored)
     estimator.start(images[order[0]])

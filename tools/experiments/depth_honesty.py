@@ -1,7 +1,7 @@
 """Depth from motion: whether the stated deviations are true on other textures and motions than those of `depth`.
 
 Prints, from the least to the greatest over the seeds, how many per cent of the errors lie within 1 and 1.96 stated
-deviations; asked are 60-76 and 91-98. Writes depth_honesty.json.
+deviations; required are 60-76 and 91-98. Writes depth_honesty.json.
 """
 
 import argparse

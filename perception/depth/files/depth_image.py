@@ -12,11 +12,11 @@ BAR_PX, TEXT_PX = 14, 74
 def colour_depth(
     depth: Field, nearest: float | None = None, farthest: float | None = None
 ) -> NDArray[np.uint8]:
-    """Near is red, far is blue, evenly in 1/Z; unknown is grey; the bar at the right says metres.
+    """Near is red, far is blue, evenly in 1/Z; unknown is grey; the bar at the right is labelled in metres.
 
     Args:
-        depth: Z in metres, NaN where unknown.
-        nearest, farthest: ends of the scale; the 1st and 99th percentile by default.
+        depth: Z in metres, height × width, NaN where unknown.
+        nearest, farthest: ends of the scale, m; the 1st and 99th percentile by default.
 
     Returns:
         height × (width + bar) × 3, BGR.

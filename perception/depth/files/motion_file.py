@@ -1,4 +1,4 @@
-"""Files that say how the camera moved: steps in CSV, poses as TUM RGB-D or KITTI write them."""
+"""Files of the camera's motion: steps in CSV, poses as TUM RGB-D or KITTI write them."""
 
 import csv
 from pathlib import Path
@@ -19,12 +19,16 @@ UNIT_LENGTH = 0.02
 
 
 def read_poses(path: Path, images: list[Path], kind: str = "auto") -> list[Matrix]:
-    """The 4×4 camera-to-world pose of every image.
+    """The 4×4 camera-to-world pose of every image, metres.
 
     - csv: columns tx ty tz (m) and wx wy wz (rotation vector, rad), the camera's step from the image before,
       in that image's camera frame; one row for every image after the first.
     - tum: lines `time tx ty tz qx qy qz qw`; an image's time is its file name, poses are interpolated.
     - kitti: lines of 12 numbers, the upper three rows of the pose; one line for every image.
+
+    Args:
+        images: paths; their names are times where the poses have times.
+        kind: one of FORMATS.
 
     Raises:
         MotionError: what is wrong, and in which file and line.
@@ -142,7 +146,7 @@ def _from_tum(path: Path, rows: Matrix, images: list[Path]) -> list[Matrix]:
             raise MotionError(
                 f"{path}: {gap:.2f} s without a pose around {image.name}, at most {LONGEST_GAP_S} s"
             )
-        # Two poses of one time can only stand at the very beginning.
+        # Two poses of one time can only be at the very beginning.
         share = (time - before[0]) / gap if gap > 0 else 0.0
         pose = np.eye(4)
         pose[:3, 3] = (1 - share) * before[1:4] + share * following[1:4]

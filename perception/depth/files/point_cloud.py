@@ -13,11 +13,11 @@ VERTEX = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("gr
 
 
 def write_ply(
-    path: Path, camera: Pinhole, state: InverseDepth, image: NDArray[np.uint8], doubt: float = 0.2
+    path: Path, camera: Pinhole, state: InverseDepth, image: NDArray[np.uint8], uncertainty: float = 0.2
 ) -> int:
-    """Write the points whose σ_Z/Z is at most `doubt`, in metres.
+    """Write the points whose σ_Z/Z is at most `uncertainty`, in metres.
 
-    They stand in the map's camera frame: x right, y down, z forward.
+    They are in the map's camera frame: x right, y down, z forward.
 
     Args:
         image: the map's view, grey or BGR, which gives the points their colour.
@@ -27,7 +27,7 @@ def write_ply(
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.sqrt(state.variance) / state.value
-    rows, columns = np.nonzero(np.isfinite(state.value) & (state.value > 0) & (relative <= doubt))
+    rows, columns = np.nonzero(np.isfinite(state.value) & (state.value > 0) & (relative <= uncertainty))
     depth = 1 / state.value[rows, columns]
     points = np.empty(len(rows), VERTEX)
     points["x"] = (columns - camera.cx) / camera.fx * depth

@@ -14,7 +14,7 @@ SUFFIXES = {".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".bmp", ".tif", ".tiff"}
 def list_images(sequence: Path) -> list[Path]:
     """The images of a folder or of a pattern (`views/*.ppm`) in the order of their names, or those of a text file.
 
-    The text file names one image a line, relative to itself; a time may stand before it, as TUM RGB-D writes it.
+    The text file names one image a line, relative to itself; a time may precede it, as TUM RGB-D writes it.
 
     Raises:
         ImageError: there are fewer than two, or one that is named does not exist.

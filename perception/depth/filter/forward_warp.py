@@ -89,7 +89,7 @@ def _nearest_source(predicted: InverseDepth, moved: Projection) -> NDArray[np.in
             good = (value >= 0) & (moved.scale[rows] > 1e-3)
             column, row = np.rint(x), np.rint(y)
             good &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        # In whole numbers, for beyond 2²⁴ pixels single precision has no room.
+        # In whole numbers, for single precision ends at 2²⁴ pixels.
         target = select(good, row, 0).astype(np.int64)
         target *= width
         target += select(good, column, 0).astype(np.int64)

@@ -15,8 +15,8 @@ from perception.image.select import select
 
 Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-VAGUER = 10.0
-"""A measurement with so many times the prediction's deviation tells of no other surface within its own doubt."""
+VAGUE_RATIO = 10.0
+"""A measurement with so many times the prediction's deviation shows no other surface within its own uncertainty."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,14 @@ def predict_inverse_depth(state: InverseDepth, moved: Projection, drift: float) 
     """ρ' = ρ/(a + bρ), P' = P a²/(a + bρ)⁴ + r: (2.21), (2.23), (2.24) in inverse depth.
 
     a + bρ is the scale of the projection and a = scale − bρ; the derivative of ρ' by ρ is a/(a + bρ)².
-    drift is the standard deviation that the motion's uncertainty adds, as a part of ρ'.
+
+    Args:
+        state: ρ and P, height × width.
+        moved: where the pixels go at ρ.
+        drift: the standard deviation that the motion's uncertainty adds, √r as a part of ρ'.
+
+    Returns:
+        ρ' and P', still at the pixels of `state`.
     """
     scale = moved.scale
     moved_value = state.value / scale
@@ -86,10 +93,14 @@ def fuse(
 
     A measurement that was confirmed both ways (`confirmed`) is averaged with the prediction when they agree within
     `gate` standard deviations and within `reach` (1/m). Otherwise they are two surfaces and it replaces it, unless
-    they agree by nothing but its own vagueness (`VAGUER`), as on an edge along the motion: then the prediction stays.
-    One that was not confirmed only stands where nothing is known or only a worse guess.
+    they agree by nothing but its own uncertainty (`VAGUE_RATIO`), as on an edge along the motion: then the prediction
+    stays. One that was not confirmed only fills what is unknown or a worse guess.
 
     Args:
+        predicted, measured: ρ⁻ and P⁻, ρ_m and R; height × width.
+        confirmed: which measurements were confirmed both ways, height × width.
+        gate: in standard deviations.
+        reach: in 1/m, height × width.
         repeated: B, (1/m)²; 0 by default.
         shared: κ, from −½, the common image between the two others, to ½, both on one side of it.
     """
@@ -122,7 +133,7 @@ def _fuse(
         common = shared * np.sqrt(before * now)
         combined = np.maximum(before + now - 2 * common, np.float32(1e-12))
         possible = known & ~guess & (gap * gap <= np.float32(gate**2) * combined)
-        holds = (np.abs(gap) <= reach) | (measured.variance > np.float32(VAGUER**2) * predicted.variance)
+        holds = (np.abs(gap) <= reach) | (measured.variance > np.float32(VAGUE_RATIO**2) * predicted.variance)
         gain = (before - common) / combined
         left = repeats + (1 - np.square(shared)) * before * now / combined
         better = ~known | (guess & (measured.variance < predicted.variance))

@@ -35,7 +35,7 @@ class Projection:
 
     @cached_property
     def line(self) -> tuple[Field, Field, Field]:
-        """Unit vector along the epipolar line (ex, ey) and |C|, the pixels a unit of inverse depth is worth."""
+        """Unit vector along the epipolar line (ex, ey), and |C|, pixels per 1/m."""
         length = np.sqrt(np.square(self.slope_x) + np.square(self.slope_y))
         safe = np.maximum(length, np.float32(1e-9))
         away = length > 1e-9
@@ -75,7 +75,7 @@ class Epipolar:
         return shift[0], shift[1], shift[2]
 
     def project(self, inverse_depth: Field | float, some: Some | None = None) -> Projection:
-        """Where pixels go when they stand at `inverse_depth` (1/m): all, or only some."""
+        """Where pixels of the inverse depth (1/m, height × width or one number) go: all, or only some."""
         rho = np.asarray(inverse_depth, np.float32)
         shift_x, shift_y, shift_z = self._shift
 

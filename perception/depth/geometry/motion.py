@@ -17,6 +17,9 @@ class Motion:
 
     Camera frames: x right, y down, z forward; t in metres. The camera's own displacement in the
     first frame is −Rᵀt.
+
+    Raises:
+        MotionError: the shapes are wrong, a value is not finite, or R is no rotation.
     """
 
     rotation: Matrix
@@ -40,9 +43,12 @@ class Motion:
 
     @classmethod
     def from_velocity(cls, velocity: Matrix, angular_velocity: Matrix, period: float) -> "Motion":
-        """Integrate Ṗ = −T − ω×P, thesis (2.19), exactly over `period` seconds.
+        """Integrate Ṗ = −T − ω×P, thesis (2.19), exactly over a time.
 
-        velocity T in m/s and angular_velocity ω in rad/s are the camera's, in its own frame.
+        Args:
+            velocity: T of the camera in its own frame, 3, m/s.
+            angular_velocity: ω, likewise, 3, rad/s.
+            period: s.
         """
         twist = np.zeros((4, 4))
         wx, wy, wz = np.asarray(angular_velocity, float)

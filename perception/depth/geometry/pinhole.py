@@ -12,7 +12,11 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Pinhole:
-    """Focal lengths and principal point in pixels: x_px = fx·X/Z + cx, thesis (2.4), (2.5)."""
+    """Focal lengths and principal point in pixels: x_px = fx·X/Z + cx, thesis (2.4), (2.5).
+
+    Raises:
+        OptionError: a focal length is not positive.
+    """
 
     fx: float
     fy: float
@@ -31,7 +35,7 @@ class Pinhole:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def scaled(self, factor: float) -> "Pinhole":
-        """The camera of the image resized by `factor`; pixel centres stand at integers."""
+        """The camera of the image resized by `factor`; pixel centres are at integers."""
         return Pinhole(
             self.fx * factor, self.fy * factor, (self.cx + 0.5) * factor - 0.5, (self.cy + 0.5) * factor - 0.5
         )

@@ -17,11 +17,11 @@ COSTLY = 0.22
 """A right motion matches the coarsest level at .05 to .17, in noise and poor contrast too; one that errs by more than a
 pixel of it, at .24 and more."""
 LESS_COST = 0.75
-"""Another motion than the one that is given is believed when it matches at this part of the cost."""
+"""Another motion than the one that is given is taken when it matches at this part of the cost."""
 TURNS_PX = (1.5, -1.5, 3.0, -3.0, 4.5, -4.5)
 """How far the camera is turned about its baseline in search of a match, pixels of the coarsest level."""
 FEWEST = 0.02
-"""A smaller part of the pixels confirmed says nothing about the range."""
+"""A smaller part of the pixels confirmed determines no range."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Field = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 THINNING = 2
 SPECK = 30
-"""Pixels of a patch that is not believed."""
+"""Pixels of a patch that is taken for a chance match."""
 NO_VIEW = 32_000
 """Cost where a plane of the base view does not reach the other image."""
 
@@ -21,8 +21,8 @@ NO_VIEW = 32_000
 def backward_planes(total: Volume, geometry: Epipolar, planes: NDArray[np.float64]) -> NDArray[np.int16]:
     """The cheapest plane of every second pixel, both ways, of the *other* image.
 
-    The costs need not be computed again: on each plane the homography says which base pixel a pixel
-    of the other image meets.
+    The costs need not be computed again: on each plane the homography gives the base pixel that a
+    pixel of the other image meets.
     """
     half, double = np.diag([1 / THINNING, 1 / THINNING, 1.0]), np.diag([THINNING, THINNING, 1.0])
     backward = np.linalg.inv(half @ geometry.homographies(planes) @ double)
@@ -69,7 +69,7 @@ def agree(
 
 
 def without_specks(confirmed: Mask, place: NDArray[np.float32]) -> Mask:
-    """The confirmed pixels without those of small patches that stand apart from what is around them.
+    """The confirmed pixels without those of small patches that differ from their surroundings.
 
     Windows and aggregation make neighbours agree, so a surface is confirmed over more than `SPECK` connected pixels
     that differ by less than a plane; a smaller patch is a chance match.
@@ -78,7 +78,7 @@ def without_specks(confirmed: Mask, place: NDArray[np.float32]) -> Mask:
         confirmed: by `agree`, height × width.
         place: the chosen place between the planes.
     """
-    # Sixteenths of a plane as the function wants them; 0 is what was not confirmed.
+    # In sixteenths of a plane, as the function takes them; 0 is what was not confirmed.
     coded = np.where(confirmed, place * 16 + 1, 0).astype(np.int16)
     cv2.filterSpeckles(coded, 0, SPECK, 16)
     return coded > 0

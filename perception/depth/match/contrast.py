@@ -1,7 +1,7 @@
 """Grey-level differences with mean and contrast of the window taken out.
 
 The thesis equalises the mean of the window by a ratio (2.8). A ratio removes a gain but no offset, so
-the search for the match works on gradients, which know no mean, divided by the contrast of their
+the search for the match works on gradients, which have no mean, divided by the contrast of their
 surroundings and limited: what remains is little more than the sign of the slope, and that survives
 gain, offset, vignetting and an occluding edge.
 """
@@ -39,7 +39,7 @@ ROUNDING = SOFTENED_NOISE / 12
 def estimate_noise(grey: Grey) -> float:
     """Standard deviation of the pixel noise in grey levels, from second differences both ways.
 
-    The mask [1 −2 1]ᵀ[1 −2 1] answers neither to slopes nor to straight edges along the axes; its
+    The mask [1 −2 1]ᵀ[1 −2 1] responds neither to slopes nor to straight edges along the axes; its
     median is little moved by the texture that is left. At least the .3 levels of quantisation.
     """
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
@@ -90,9 +90,9 @@ def denoise(grey: Grey, noise: float) -> Grey:
     """Take out the noise and leave the edges: Wiener's filter with the statistics of windows of 3×3 (Lee).
 
     Of a window with mean m and variance v the part a = s/(s + σ²), s = max(v − σ², 0), is signal, and the window
-    says a·g + (1 − a)·m; a pixel takes the mean of what its nine windows say. An edge stands above the noise and
-    is not widened, as it is by a blur that takes as much noise. But it is not linear, and so no image to
-    measure tenths of a pixel in.
+    estimates a·g + (1 − a)·m; a pixel takes the mean of its nine windows' estimates. An edge exceeds the noise and
+    is not widened, as it is by a blur that takes as much noise. But the filter is not linear, and tenths of a pixel
+    cannot be measured in its image.
     """
     mean = window_mean(grey, 1)
     variance = window_mean(np.asarray(grey * grey, np.float32), 1) - mean * mean
@@ -115,7 +115,7 @@ def soften(grey: Grey, more: float = 1.0) -> Grey:
 
 
 def noise_weight(soft: Grey) -> float:
-    """By how much noise moves a match more than its variance in the softened image says.
+    """By how much noise moves a match more than its variance in the softened image suggests.
 
     Softened noise no longer differs from pixel to pixel. What Σ φ g n sees of it is h ∗ g in the place of g, so
     that its variance is Σ (h ∗ g)²/Σ g² of that of the noise before, which is Σ h² times smaller now.

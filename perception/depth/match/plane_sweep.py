@@ -66,11 +66,16 @@ def sweep_planes(base: Bytes, other: Bytes, geometry: Epipolar, planes: NDArray[
 def admit_prediction(
     costs: Volume, planes: NDArray[np.float64], predicted: InverseDepth, stiffness: float
 ) -> Volume:
-    """Let the predicted depth stand for the images no longer kept: min(costs, c + stiffness·χ²).
+    """Let the predicted depth represent the images no longer kept: min(costs, c + stiffness·χ²).
 
     c is what the prediction cost when it was last confirmed and χ² = (ρ_k − ρ̂)²/P, P at least a
     quarter of a squared plane distance. So a point that is occluded in the other image keeps the depth it had, and
-    one that the other image shows better takes a new one. A guess (cost 1) or a hole (NaN) admits nothing.
+    one that the other image shows better takes a new one. A guess (cost 1) or a hole (NaN) changes nothing.
+
+    Args:
+        costs: planes × height × width, 0 to `WORST`.
+        planes: inverse depths, evenly spaced, 1/m.
+        predicted: ρ̂, P and c, height × width.
     """
     spacing = float(planes[1] - planes[0])
     worst = np.float32(WORST)

@@ -107,8 +107,8 @@ def aggregate(costs: Costs, p1: int, p2: tuple[Costs, Costs]) -> Volume:
 def blend_costs(costs: Costs, total: Volume, most: int) -> Costs:
     """Half the costs and half what the paths made of them, min(¼(S − min S), most): costs for a second aggregation.
 
-    A path knows only its own line. In noise the lines disagree and the map is streaked; paths that run a second time,
-    over these costs, take in at every pixel the paths that cross there, and so the lines beside their own.
+    A path depends on its own line alone. In noise the lines disagree and the map is streaked; paths that run a second
+    time, over these costs, take in at every pixel the paths that cross there, and so the lines beside their own.
 
     Args:
         costs: planes × height × width.

@@ -12,9 +12,9 @@ WIDEST = 0.35
 """Greatest disparity searched, as a part of the image's width."""
 MARGIN_PX = 2.0
 MARGIN_PART = 0.15
-"""Room for what comes nearer or into view: so many pixels, or this part of the nearest inverse depth."""
+"""Margin for what comes nearer or into view: so many pixels, or this part of the nearest inverse depth."""
 KNOWN_PART = 0.4
-"""A map that knows less than this part of its pixels leads to expect nothing."""
+"""A map with depth at less than this part of its pixels leads to expect nothing."""
 
 
 def widest_range(geometry: Epipolar, settings: DepthSettings) -> Range:
@@ -27,7 +27,7 @@ def widest_range(geometry: Epipolar, settings: DepthSettings) -> Range:
 
 
 def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
-    """Between which inverse depths all but a hundredth of the map lies after a motion; None if it knows too little.
+    """Between which inverse depths all but a hundredth of the map lies after a motion; None if too little is known.
 
     ρ' = ρ/(1 + b ρ) of (2.21) in the middle of the image.
 
@@ -45,7 +45,7 @@ def expected_range(state: InverseDepth, shift_z: float) -> Range | None:
 
 
 def with_margin(expected: Range, limits: Range, geometry: Epipolar) -> Range:
-    """The expected range with room for what comes nearer or into view, inside the limits."""
+    """The expected range with a margin for what comes nearer or into view, inside the limits; all in 1/m."""
     lowest, highest = limits
     margin = MARGIN_PX * (highest - lowest) / max(geometry.parallax(highest, lowest), 1e-6)
     low = max(lowest, expected[0] - margin)

@@ -17,11 +17,11 @@ from perception.depth.match.contrast import (
     noise_weight,
     soften,
 )
-from perception.image.interpolation import Between
+from perception.image.interpolation import InterpolatedImage
 
 
 class View:
-    """One image in grey levels; noise, images without it and equalised slopes follow when they are asked for."""
+    """One image in grey levels; its noise, its variants and its slopes are computed when they are first used."""
 
     def __init__(self, grey: Grey) -> None:
         self.grey = grey
@@ -57,13 +57,13 @@ class View:
         return soften(self.grey)
 
     @cached_property
-    def between(self) -> Between:
-        """The softened image, to be asked between its pixels."""
-        return Between(self.soft)
+    def interpolated(self) -> InterpolatedImage:
+        """The softened image, interpolated between its pixels."""
+        return InterpolatedImage(self.soft)
 
     @cached_property
     def noise_weight(self) -> float:
-        """By how much noise moves a match more than the variance of a pixel of `soft` says."""
+        """By how much noise moves a match more than the variance of a pixel of `soft` suggests."""
         return noise_weight(self.soft)
 
     @cached_property

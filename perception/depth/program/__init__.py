@@ -1,1 +1,1 @@
-"""depth-from-motion: from files to files, and whether to believe the result."""
+"""depth-from-motion: from files to files, with a check whether images and motion belong together."""

@@ -115,7 +115,7 @@ def estimate(
             try:
                 rows = _run(replace(options, out=stage), count)
             except OptionError as error:
-                # Nobody asked for the folder that is filled meanwhile.
+                # The user knows the folder by its own name, not by that of the stage.
                 raise OptionError(str(error).replace(str(stage), str(out))) from error
     except OptionError as error:
         _fail(str(error), 3, json)
@@ -189,7 +189,7 @@ def _document(rows: list["TableRow"], out: Path) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: plain(part) for key, part in value.items()}
-        # JSON knows no NaN: what is unknown is null.
+        # JSON has no NaN: what is unknown is null.
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     return {"out": str(out), "pictures": [plain(asdict(row)) for row in rows]}
@@ -223,7 +223,7 @@ def main() -> None:
         print("depth-from-motion: interrupted; nothing was written", file=sys.stderr)
         code = 130
     except BrokenPipeError:
-        # Whoever read our output has gone.
+        # The reader of our output has closed it.
         sys.stderr.close()
         code = 1
     except OSError as error:

@@ -15,7 +15,7 @@ from perception.depth.geometry.epipolar import Projection
 from perception.depth.match.contrast import ROUNDING
 from perception.depth.refine.parabola import Quadric
 from perception.depth.settings import Equalisation
-from perception.image.interpolation import Between
+from perception.image.interpolation import InterpolatedImage
 
 Field = NDArray[np.float32]
 LEAST_POWER = 1e-3
@@ -32,7 +32,7 @@ class Window(Enum):
     FLAT = "flat"
     """1 over the square, as in the thesis."""
     TENT = "tent"
-    """Falling linearly to the rim; a flat window answers some wave lengths with the wrong sign."""
+    """Falling linearly to the rim; a flat window responds to some wave lengths with the wrong sign."""
 
 
 class BaseWindow:
@@ -69,7 +69,7 @@ class BaseWindow:
         return np.maximum(square - 2 * ratio * cross + ratio * ratio * power, 0) * np.float32(self.pixels)
 
 
-def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> Quadric:
+def sample_surface(base: BaseWindow, other: InterpolatedImage, projection: Projection) -> Quadric:
     """The error surface around where `projection` sends every pixel, as a quadric in (u, v) pixels.
 
     It is q(u, v) = Σ φ [I − a (J + u J_u + v J_v) − b]², J the warped image and J_u, J_v its slopes along and
@@ -78,9 +78,12 @@ def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> 
     what moves in and out of the window: h² Σ φ J_u J_uu for samples h apart, some hundredths of a pixel.
 
     Args:
-        base: the windows of the base image.
+        base: the windows of the base image, height × width.
         other: the other image.
         projection: the predicted place of every pixel.
+
+    Returns:
+        The quadric in grey levels squared and pixels.
     """
     along_x, along_y, _ = projection.line
     warped, slope_x, slope_y = other.at(projection.x, projection.y)
@@ -98,7 +101,7 @@ def sample_surface(base: BaseWindow, other: Between, projection: Projection) -> 
     pull_u = base.average(u * base.grey) - mean_u * base.mean - like_u * common
     pull_v = base.average(v * base.grey) - mean_v * base.mean - like_v * common
     least = np.maximum(base.variance - gain * common, np.float32(0))
-    # What the slopes hold of the noise is no texture; without it an edge along the line would seem to tell something.
+    # The noise in the slopes is no texture; with it, an edge along the line would seem to determine a place on it.
     noise = np.float32(SLOPE_NOISE) * least / (1 + gain * gain)
     uu = np.maximum(uu - noise, uv * uv / np.maximum(vv, np.float32(1e-6)))
     vv = np.maximum(vv - noise, uv * uv / np.maximum(uu, np.float32(1e-6)))

@@ -83,7 +83,7 @@ def correct_motion(coarse: CoarseMatch, settings: DepthSettings) -> Correction:
 
     n is across the line, J = ∂(x', y')/∂(ω, τ), w falls for outliers (Cauchy). Each of the six is expected to
     move the image by about as much as the residuals: σ_ω = s/f, σ_τ = s/(f ρ) with the median ρ. The
-    inverse of the Hessian then says how wrong the matches along their lines may still be.
+    inverse of the Hessian is then the covariance of what is left, also along the lines.
     """
     given = coarse.geometry.motion
     residuals = _find_residuals(coarse, coarse.geometry, settings)
@@ -150,7 +150,7 @@ def _find_residuals(coarse: CoarseMatch, geometry: Epipolar, settings: DepthSett
     base, other, choice = coarse.base, coarse.other, coarse.choice
     window = BaseWindow(base.soft, settings.window_radius, Window.TENT)
     projection = geometry.project(choice.inverse_depth)
-    surface = sample_surface(window, other.between, projection)
+    surface = sample_surface(window, other.interpolated, projection)
     _, off_line, least = surface.minimum()
     power = noise_power(least, window) * np.float32(base.noise_weight)
     _, _, variance = surface.covariance(power)

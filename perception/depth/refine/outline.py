@@ -41,7 +41,7 @@ def align_outlines(disparity: Field, grey: Field, noise: float) -> Field:
     beside = np.flatnonzero(most - least > LEAST_STEP)
     if beside.size == 0:
         return disparity
-    # All of a window is parted at one middle: that of twice the reach, which knows both sides from its every pixel.
+    # All of a window is parted at one middle: that of twice the reach, which holds both sides at its every pixel.
     middle = 0.5 * (cv2.dilate(most, window) + cv2.erode(least, window))
     near = (disparity > middle).astype(np.float32)
 
@@ -57,7 +57,7 @@ def align_outlines(disparity: Field, grey: Field, noise: float) -> Field:
 
     def judge(sums: tuple[Field, ...], share: Field) -> tuple[Field, Field]:
         middle, power, place = (total / np.maximum(share, np.float32(LEAST_PART)) for total in sums)
-        # Grey levels are whole numbers: one level of doubt beside the noise.
+        # Grey levels are whole numbers: one level of uncertainty beside the noise.
         variance = np.maximum(power - middle * middle, 0) + np.float32(noise * noise + 1)
         error: Field = np.asarray(np.square(level - middle) / variance + np.log(variance), np.float32)
         return error, np.asarray(place, np.float32)

@@ -13,6 +13,10 @@ Field = NDArray[np.float32]
 def fit_parabola(below: Field, here: Field, above: Field, step: float = 1.0) -> tuple[Field, Field, Field]:
     """Minimum of q(u) = a u² + b u + c through q(−step), q(0), q(step): û = −b/2a (2.10).
 
+    Args:
+        below, here, above: q(−step), q(0), q(step), height × width, grey levels squared.
+        step: px.
+
     Returns:
         û, q'' = 2a and q(û); û is NaN where a ≤ 0 or |û| > step/2, for there the middle is no minimum.
     """
@@ -28,7 +32,12 @@ def fit_parabola(below: Field, here: Field, above: Field, step: float = 1.0) -> 
 def disparity_variance(least: Field, curvature: Field, pixels: int) -> Field:
     """σ_u² = 2 q_min / ((N − 1) q''): (2.11) as it must be, in px² whatever the grey scale.
 
-    As printed, q''⁻² q, the unit is px⁴ per grey level squared. N is the number of pixels of the window.
+    As printed, q''⁻² q, the unit is px⁴ per grey level squared.
+
+    Args:
+        least: q_min, grey levels squared.
+        curvature: q'', grey levels squared per px².
+        pixels: N, the number of pixels of the window.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return np.where(curvature > 0, 2 * least / ((pixels - 1) * curvature), np.float32(np.inf))
@@ -38,7 +47,7 @@ def disparity_variance(least: Field, curvature: Field, pixels: int) -> Field:
 class Quadric:
     """The error surface around the predicted place: value, slopes and curvatures; arrays height × width.
 
-    Every question takes the weight λ_ep of the soft epipolar term λ_ep v² of (2.7), which is added to it.
+    Its methods take the weight λ_ep of the soft epipolar term λ_ep v² of (2.7), which is added to it.
     """
 
     value: Field

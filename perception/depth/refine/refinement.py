@@ -13,7 +13,7 @@ from perception.depth.refine.essd import BaseWindow, Window, noise_power, sample
 from perception.depth.refine.flatten import flatten_whole
 from perception.depth.settings import DepthSettings
 from perception.image.bands import Band, bands, join_bands, share
-from perception.image.interpolation import Between
+from perception.image.interpolation import InterpolatedImage
 from perception.image.quantile import known_median, median, robust_deviation
 from perception.image.select import select
 
@@ -35,23 +35,23 @@ TYPICAL_PART = 1 / 3
 
 @dataclass(frozen=True)
 class Refinement:
-    """What the error surfaces say, height × width: the disparity from which they were sampled, in planes; the rest
-    of it and its variance, px and px², NaN and ∞ where a surface has no minimum; |C|, the pixels a unit of inverse
-    depth is worth; and the variance, px², that the motion's error adds everywhere."""
+    """What the error surfaces give, height × width: the disparity from which they were sampled, in planes; the rest
+    of it and its variance, px and px², NaN and ∞ where a surface has no minimum; the sensitivity |C|, pixels per 1/m;
+    and the variance, px², that the motion's error adds everywhere."""
 
     start: Field
     shift: Field
     variance: Field
-    worth: Field
+    sensitivity: Field
     off_line: np.float32
 
     def disparity(self, rows: slice, spacing: np.float32) -> tuple[Field, Field]:
         """The refined disparity of some rows and its variance, in planes; NaN is a hole."""
-        shift, worth = self.shift[rows], self.worth[rows] * spacing
+        shift, sensitivity = self.shift[rows], self.sensitivity[rows] * spacing
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            variance = (self.variance[rows] + self.off_line) / (worth * worth)
-            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (worth > 1e-6 * spacing)
-            value = self.start[rows] + shift / worth
+            variance = (self.variance[rows] + self.off_line) / (sensitivity * sensitivity)
+            found = (np.abs(shift) <= 0.5) & np.isfinite(variance) & (sensitivity > 1e-6 * spacing)
+            value = self.start[rows] + shift / sensitivity
         return select(found, value, np.nan), select(found, variance, np.nan)
 
 
@@ -67,7 +67,7 @@ def refine(
     """Measure what is left of the disparity on the error surface (2.8).
 
     The minimum is that of the surface with the soft epipolar term λ_ep v² (2.7), λ_ep = s²/σ_ep², and the
-    covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no say: what an error across the
+    covariance of its place is 2 s² H⁻¹, so that an edge along the motion has no weight: what an error across the
     line would do to it is part of its variance. A step on fewer pixels comes first, for the expansion holds close
     to the minimum and the windows must follow the slant.
 
@@ -75,14 +75,14 @@ def refine(
         disparity: where to begin, in planes `spacing` 1/m apart; what is found is within half a pixel of it.
     """
     across, across_spread = (np.empty_like(disparity[::LINE_THINNING, ::LINE_THINNING]) for _ in range(2))
-    soft, between = _of_one_scale(base, other, geometry, median(disparity[::4, ::4]) * float(spacing))
-    first = disparity + _first_step(soft, between, geometry, disparity, spacing, settings)
+    soft, interpolated = _of_one_scale(base, other, geometry, median(disparity[::4, ::4]) * float(spacing))
+    first = disparity + _first_step(soft, interpolated, geometry, disparity, spacing, settings)
     start = flatten_whole(first)
 
     def measure(band: Band) -> tuple[Field, ...]:
         window = BaseWindow(soft[band.outer], settings.window_radius, Window.TENT)
         projection = geometry.project(start[band.outer] * spacing, band.outer)
-        surface = sample_surface(window, between, projection).rows(band.trim)
+        surface = sample_surface(window, interpolated, projection).rows(band.trim)
         weight = line_weight(surface.value, window, settings)
         shift, _, least = surface.minimum(weight)
         spread, _, _ = surface.covariance(1.0, weight)
@@ -92,15 +92,17 @@ def refine(
         _, _, across_spread[rows] = some.covariance(1.0)
         return shift, spread, noise_power(least, window), projection.line[2][band.trim]
 
-    shift, spread, power, worth = join_bands(base.shape, measure, settings.window_radius)
+    shift, spread, power, sensitivity = join_bands(base.shape, measure, settings.window_radius)
     typical = np.float32(known_median(power[::LINE_THINNING, ::LINE_THINNING]))
     power += np.float32(TYPICAL_PART) * np.maximum(typical - power, 0)
     power *= np.float32(base.noise_weight)
     residual = line_error(across, across_spread * power[::LINE_THINNING, ::LINE_THINNING])
-    return Refinement(start, shift, spread * power, worth, np.float32(residual**2 + motion_error_px**2))
+    return Refinement(start, shift, spread * power, sensitivity, np.float32(residual**2 + motion_error_px**2))
 
 
-def _of_one_scale(base: View, other: View, geometry: Epipolar, inverse_depth: float) -> tuple[Field, Between]:
+def _of_one_scale(
+    base: View, other: View, geometry: Epipolar, inverse_depth: float
+) -> tuple[Field, InterpolatedImage]:
     """The two images, softened so that they are alike where the other one shows the same things larger.
 
     A blur of variance σ² in each would be one of σ²s² and of σ² on the scale of the other one, and what they differ by
@@ -108,13 +110,13 @@ def _of_one_scale(base: View, other: View, geometry: Epipolar, inverse_depth: fl
     """
     scale = geometry.magnification(inverse_depth)
     if abs(scale - 1) < SAME_SCALE:
-        return base.soft, other.between
-    return soften(base.grey, 1 / scale), Between(soften(other.grey, scale))
+        return base.soft, other.interpolated
+    return soften(base.grey, 1 / scale), InterpolatedImage(soften(other.grey, scale))
 
 
 def _first_step(
     soft: Field,
-    between: Between,
+    interpolated: InterpolatedImage,
     geometry: Epipolar,
     disparity: Field,
     spacing: np.float32,
@@ -130,12 +132,12 @@ def _first_step(
         radius = settings.window_radius // FIRST_THINNING
         window = BaseWindow(np.ascontiguousarray(soft[some]), radius, Window.TENT)
         projection = geometry.project(disparity[some] * spacing, some)
-        surface = sample_surface(window, between, projection)
+        surface = sample_surface(window, interpolated, projection)
         shift, _, _ = surface.minimum(line_weight(surface.value, window, settings))
-        worth = projection.line[2] * spacing
+        sensitivity = projection.line[2] * spacing
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = (np.abs(shift) <= 0.5) & (worth > 1e-6 * spacing)
-            step = select(found, shift / worth, 0)
+            found = (np.abs(shift) <= 0.5) & (sensitivity > 1e-6 * spacing)
+            step = select(found, shift / sensitivity, 0)
         thin[inner] = step[inner.start - outer.start :][: inner.stop - inner.start]
 
     share(look, bands(shape, settings.window_radius), height * width)

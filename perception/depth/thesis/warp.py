@@ -24,10 +24,10 @@ def warp_map(
 
     Args:
         predicted: ρ' and P', still at the pixels they were predicted from.
-        moved: where those pixels have gone.
+        moved: where those pixels go.
         reach: 1 spreads a point over the four pixels around it, 2 over the 3×3 of the thesis.
         independent: σ² = Σ d⁻⁴ σ_i²/(Σ d⁻²)² as printed. Neighbours that were measured by overlapping windows
-            err together, and image after image that formula makes them surer of it; so the default is
+            err together, and image after image that formula reduces their deviation; so the default is
             σ = Σ d⁻² σ_i/Σ d⁻².
     """
     height, width = predicted.value.shape

@@ -69,9 +69,9 @@ def test_a_image_without_a_board_shows_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("board", "said"),
+    ("board", "message"),
     [({"columns": 2}, "2 x 6"), ({"marker": 0.05}, "0.05 m"), ({"dictionary": "DICT_9X9"}, "DICT_9X9")],
 )
-def test_an_impossible_board_is_refused(board: dict[str, object], said: str) -> None:
-    with pytest.raises(CameraCalibrationError, match=said):
+def test_an_impossible_board_is_refused(board: dict[str, object], message: str) -> None:
+    with pytest.raises(CameraCalibrationError, match=message):
         CalibrationBoard(**board)  # type: ignore[arg-type]

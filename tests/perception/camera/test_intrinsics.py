@@ -20,7 +20,7 @@ def test_a_file_read_back_gives_the_same_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             "width = 640\nheight = 480\nfx = 'x'\nfy = 1.0\ncx = 1.0\ncy = 1.0\n",
@@ -40,10 +40,10 @@ def test_a_file_read_back_gives_the_same_numbers(tmp_path: Path) -> None:
         ("width = = 4", "cameras.toml"),
     ],
 )
-def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, said: str) -> None:
+def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "cameras.toml"
     path.write_text(text)
-    with pytest.raises(IntrinsicsError, match=said):
+    with pytest.raises(IntrinsicsError, match=message):
         load_intrinsics(path)
 
 
@@ -76,7 +76,7 @@ def test_an_undistorted_image_shows_straight_lines() -> None:
     board[rays[..., 1] > 0.3] = 255  # seen through the lens: everything below a straight line in the world
     straight = LENS.undistort(board)
     edge = np.array([np.argmax(straight[:, c] > 127) for c in range(20, 620)])
-    # The line Y/Z = .3 stands on row fy .3 + cy = 391.25 of the undistorted image.
+    # The line Y/Z = .3 is on row fy .3 + cy = 391.25 of the undistorted image.
     assert np.abs(edge - 391.25).max() <= 1.5
 
 

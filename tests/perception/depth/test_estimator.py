@@ -125,7 +125,7 @@ def test_standing_still_keeps_the_map() -> None:
     rested = estimator.step(sequence.images[1], Motion.identity())
     known = np.isfinite(rested.depth)
     assert known.mean() > 0.95
-    # carried to the same pixels: single precision of an interpolation at distance 0
+    # warped to the same pixels: single precision of an interpolation at distance 0
     np.testing.assert_allclose(rested.depth[known], moved.depth[known], rtol=1e-2)
 
 
@@ -177,13 +177,13 @@ def test_five_views_of_tsukuba() -> None:
     views = read_tsukuba()
     if views is None:
         pytest.skip("../shared/data/stereo_tsukuba is not there")
-    # the criterion 2 in its form with a reference frame; the map carried to view 3 stands in docs/depth.md
+    # the criterion 2 in its form with a reference frame; the map warped to view 3 is in docs/depth.md
     result = score_views(run_views(views, [2, 0, 1, 3, 4], LATERAL, anchored=True)[-1], views)
     assert result["bad_1"] < 4.6
     assert result["density"] >= 99
-    # carried through four warps it is worse by less than two points
-    carried = score_views(run_views(views, [0, 1, 4, 3, 2], LATERAL)[-1], views)
-    assert carried["bad_1"] < result["bad_1"] + 2
+    # through four warps it is worse by less than two points
+    warped = score_views(run_views(views, [0, 1, 4, 3, 2], LATERAL)[-1], views)
+    assert warped["bad_1"] < result["bad_1"] + 2
 
 
 def test_single_pairs_are_better_than_block_matching() -> None:

@@ -34,7 +34,7 @@ def test_default_loses_at_most_two_points_to_the_light(table: Sequence, light: s
 
 
 def test_default_in_steady_light_is_right(table: Sequence) -> None:
-    # a tenth of the pixels stand within a window of an edge between surfaces
+    # a tenth of the pixels are within a window of an edge between surfaces
     assert bad_2(table, "none", DEFAULT) < 10
 
 

@@ -66,11 +66,11 @@ def test_a_square_is_less_round_than_any_ellipse():
 
 
 @pytest.mark.parametrize(
-    ("image", "threshold", "said"),
+    ("image", "threshold", "message"),
     [(np.zeros((8, 8, 3), np.uint8), 100, "grey image"), (np.zeros((8, 8), np.uint8), 300, "0 to 254")],
 )
-def test_what_cannot_be_thresholded_is_refused(image, threshold, said):
-    with pytest.raises(ValueError, match=said):
+def test_what_cannot_be_thresholded_is_refused(image, threshold, message):
+    with pytest.raises(ValueError, match=message):
         detect_bright_target(image, threshold)
 
 

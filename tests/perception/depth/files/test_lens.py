@@ -1,4 +1,4 @@
-"""The camera's file and the distortion it tells of."""
+"""The camera's file and the distortion it holds."""
 
 from pathlib import Path
 
@@ -52,7 +52,7 @@ def test_depth_through_a_bent_lens_is_as_right_as_through_a_straight_one(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (PINHOLE + "distortion = [0.1, 0.2]\n", "distortion = [0.1, 0.2], five numbers k1, k2, p1, p2, k3"),
         (PINHOLE + "distortion = [0, 0, 0, 0, inf]\n", "distortion = inf, a number is needed"),
@@ -61,7 +61,7 @@ def test_depth_through_a_bent_lens_is_as_right_as_through_a_straight_one(tmp_pat
         (PINHOLE.replace("cy", "c_y"), "cy = None, a number of pixels is needed"),
     ],
 )
-def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, told: str) -> None:
+def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(OptionError) as error:
         read(tmp_path, text)
-    assert str(error.value).startswith(f"{tmp_path / 'camera.toml'}: {told}")
+    assert str(error.value).startswith(f"{tmp_path / 'camera.toml'}: {message}")

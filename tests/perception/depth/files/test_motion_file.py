@@ -62,7 +62,7 @@ def test_kitti_rows_are_the_poses(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"),
+    ("name", "text", "message"),
     [
         ("m.csv", HEADER + "0,0,0,0,0,0\n", "1 rows for 3 images; 2 are needed"),
         ("m.csv", HEADER + "0,0,0,0,0,0\n0,0,0\n", "line 3: a number is missing or wrong"),
@@ -80,9 +80,9 @@ def test_kitti_rows_are_the_poses(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_with_a_file_is_one_line_that_names_it(
-    tmp_path: Path, name: str, text: str, told: str
+    tmp_path: Path, name: str, text: str, message: str
 ) -> None:
-    with pytest.raises(MotionError, match=told) as refused:
+    with pytest.raises(MotionError, match=message) as refused:
         read_poses(_file(tmp_path, name, text), TIMED)
     assert str(refused.value).startswith(str(tmp_path / name))
     assert "\n" not in str(refused.value)

@@ -35,7 +35,7 @@ def test_a_point_stands_where_the_pinhole_says_with_its_colour(tmp_path: Path) -
     assert list(points[0])[3:] == [2, 1, 0]
 
 
-def test_doubtful_points_are_left_out_unless_asked_for(tmp_path: Path) -> None:
+def test_uncertain_points_are_left_out_by_default(tmp_path: Path) -> None:
     image = np.full((1, 4), 9, np.uint8)
-    assert write_ply(tmp_path / "c.ply", CAMERA, _state(), image, doubt=0.6) == 2
+    assert write_ply(tmp_path / "c.ply", CAMERA, _state(), image, uncertainty=0.6) == 2
     assert list(_body(tmp_path / "c.ply")[1][1])[3:] == [9, 9, 9]

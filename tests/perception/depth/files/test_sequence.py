@@ -1,4 +1,4 @@
-"""Which images make a sequence, and what is said of those that cannot."""
+"""Which images make a sequence, and the errors of those that cannot."""
 
 from pathlib import Path
 

@@ -20,7 +20,7 @@ def state(value, variance=1e-4, cost=0.1) -> InverseDepth:
     return InverseDepth(*(np.asarray(part * ones, np.float32) for part in (value, variance, cost)))
 
 
-SURE = np.ones(SHAPE, bool)
+CONFIRMED = np.ones(SHAPE, bool)
 ANY = np.full(SHAPE, np.inf, np.float32)
 
 
@@ -32,7 +32,7 @@ def test_from_a_wrong_start_the_filter_finds_the_depth():
     for _ in range(15):
         disparity = 500 * 0.4 / 5 + rng.normal(0, 0.5, SHAPE)
         measured = state((disparity / 200).astype(np.float32), (0.5 / 200) ** 2)
-        filtered = fuse(filtered, measured, SURE, np.inf, ANY)
+        filtered = fuse(filtered, measured, CONFIRMED, np.inf, ANY)
     # 15 measurements of .5/200 1/m: 65 ppm of 1/m, 16 mm at 5 m; mean over 3072 pixels to a fraction of it,
     # and the start draws 1/5 by (1/12 − 1/5)·P/(P₀) ≈ .004 m.
     assert filtered.depth.mean() == pytest.approx(5.0, abs=0.03)
@@ -57,7 +57,7 @@ def test_process_noise_is_a_part_of_the_depth():
 
 
 def test_another_surface_replaces_and_is_not_averaged():
-    fused = fuse(state(0.2), state(0.5), SURE, 3.0, ANY)
+    fused = fuse(state(0.2), state(0.5), CONFIRMED, 3.0, ANY)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.5))
     assert fused.variance == pytest.approx(np.full(SHAPE, 1e-4))
 
@@ -70,7 +70,7 @@ def test_a_match_that_is_vague_by_itself_denies_no_sharp_prediction(
 ) -> None:
     # an edge along the motion: 20 times the prediction's deviation and far off, but not farther than it may be
     reach = np.full(SHAPE, 0.02, np.float32)
-    fused = fuse(state(0.5, 0.01**2), state(0.5 + gap, deviation**2), SURE, 3.0, reach)
+    fused = fuse(state(0.5, 0.01**2), state(0.5 + gap, deviation**2), CONFIRMED, 3.0, reach)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.5 if stays else 0.5 + gap), rel=1e-5)
     assert fused.variance == pytest.approx(np.full(SHAPE, 0.01**2 if stays else deviation**2), rel=1e-5)
 
@@ -80,7 +80,7 @@ def test_the_noise_of_a_image_in_two_pairs_is_counted_once() -> None:
     rng = np.random.default_rng(2)
     noise = rng.normal(0, 1e-2, (3, *SHAPE))
     first, second = (state((0.5 + noise[k + 1] - noise[k]).astype(np.float32), 2e-4) for k in (0, 1))
-    fused = fuse(first, second, SURE, np.inf, ANY, shared=-0.5)
+    fused = fuse(first, second, CONFIRMED, np.inf, ANY, shared=-0.5)
     np.testing.assert_allclose(fused.value, 0.5 + (noise[2] - noise[0]) / 2, atol=1e-6)
     np.testing.assert_allclose(fused.variance, 0.5e-4, rtol=1e-5)
 
@@ -88,26 +88,26 @@ def test_the_noise_of_a_image_in_two_pairs_is_counted_once() -> None:
 def test_what_every_pair_repeats_is_not_averaged_away() -> None:
     filtered = state(0.5, 1e-4)
     for _ in range(200):
-        filtered = fuse(filtered, state(0.5, 1e-4), SURE, np.inf, ANY, repeated=0.2e-4)
+        filtered = fuse(filtered, state(0.5, 1e-4), CONFIRMED, np.inf, ANY, repeated=0.2e-4)
     # the noise of .8e-4 over 201 images, and what repeats
     np.testing.assert_allclose(filtered.variance, 0.2e-4 + 0.8e-4 / 201, rtol=1e-4)
-    same = fuse(state(0.5, 1e-4), state(0.6, 1e-4), SURE, np.inf, ANY, repeated=1e-4)
+    same = fuse(state(0.5, 1e-4), state(0.6, 1e-4), CONFIRMED, np.inf, ANY, repeated=1e-4)
     np.testing.assert_allclose(same.variance, 1e-4, rtol=1e-6)
 
 
 def test_an_unconfirmed_match_does_not_move_a_known_depth():
-    fused = fuse(state(0.2), state(0.201), ~SURE, 3.0, ANY)
+    fused = fuse(state(0.2), state(0.201), ~CONFIRMED, 3.0, ANY)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.2))
 
 
 def test_a_guess_gives_way_to_the_first_confirmed_match():
-    fused = fuse(state(0.2, 1.0, cost=1.0), state(0.21), SURE, 3.0, ANY)
+    fused = fuse(state(0.2, 1.0, cost=1.0), state(0.21), CONFIRMED, 3.0, ANY)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.21))
     assert (fused.cost < 1).all()
 
 
 def test_where_nothing_is_known_the_measurement_stands():
-    fused = fuse(InverseDepth.unknown(SHAPE), state(0.3), ~SURE, 3.0, ANY)
+    fused = fuse(InverseDepth.unknown(SHAPE), state(0.3), ~CONFIRMED, 3.0, ANY)
     assert fused.value == pytest.approx(np.full(SHAPE, 0.3))
 
 

@@ -16,7 +16,7 @@ UNIT = Pinhole(1.0, 1.0, 0.0, 0.0)
 
 def test_a_motion_is_integrated_exactly_over_a_large_turn():
     # A camera that goes 1 m/s along x while it turns about y at 1 rad/s runs on a circle of radius 1 m:
-    # after a quarter turn it stands at x = 1, z = −1 of its first frame (y points down, ω_y > 0 turns z to x).
+    # after a quarter turn it is at x = 1, z = −1 of its first frame (y points down, ω_y > 0 turns z to x).
     motion = Motion.from_velocity(np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.pi / 2)
     camera_centre = -motion.rotation.T @ motion.translation
     assert camera_centre == pytest.approx([1.0, 0.0, -1.0], abs=1e-9)

@@ -101,5 +101,5 @@ def test_a_second_aggregation_takes_in_the_lines_beside_its_own():
     aggregated = np.minimum((once - once.min(axis=0)) // 4, WORST)
     assert (mixed == (costs + aggregated) // 2).all()
     first, second = (np.mean(choose(found)[0] != right) for found in (once, aggregate(mixed, 30, p2)))
-    # Each line takes in some 20 others, yet they repeat one another; less than three quarters is asked.
+    # Each line takes in some 20 others, yet they repeat one another; less than three quarters is required.
     assert second < 0.75 * first

@@ -1,4 +1,4 @@
-"""depth-from-motion from files to files: what it writes, says and leaves alone."""
+"""depth-from-motion from files to files: what it writes, reports and leaves alone."""
 
 import json
 import os
@@ -88,7 +88,7 @@ def _replace(plane: Path, index: int, change: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ("grey", r"2.png: a grey image after a colour one"),
         ("size", r"2.png: an image of 64×40 after one of 64×48"),
@@ -101,16 +101,16 @@ def test_a_bad_last_image_is_one_line_and_leaves_no_output(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     change: str,
-    told: str,
+    message: str,
 ) -> None:
     _replace(plane, 2, change)
     assert _run(monkeypatch, plane, "--out", tmp_path / "out") == 2
-    assert told in _refused(capsys)
+    assert message in _refused(capsys)
     assert {path.name for path in tmp_path.iterdir()} == {"views"}
 
 
 @pytest.mark.parametrize(
-    ("steps", "told"),
+    ("steps", "message"),
     [
         (_steps(1), "1 rows for 3 images; 2 are needed"),
         (_steps(2, "0,0,0,0,0,0"), "the camera did not move: no depth can follow"),
@@ -127,15 +127,15 @@ def test_a_motion_from_which_no_depth_can_follow_is_said_and_none_is_invented(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     steps: str,
-    told: str,
+    message: str,
 ) -> None:
     (plane / "motion.csv").write_text(steps)
     assert _run(monkeypatch, plane, "--out", tmp_path / "out") == 2
-    assert told in _refused(capsys)
+    assert message in _refused(capsys)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_right_motion_is_not_doubted(
+def test_a_right_motion_gets_no_warning(
     plane: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert _run(monkeypatch, plane, "--out", tmp_path / "out") == 0
@@ -143,7 +143,7 @@ def test_a_right_motion_is_not_doubted(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "message"),
     [
         (["nowhere", "--out", "o"], 2, "neither a folder of images"),
         (["."], 2, "--out"),
@@ -168,11 +168,11 @@ def test_every_wrong_argument_is_one_line(
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
     code: int,
-    told: str,
+    message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert _run(monkeypatch, *arguments) == code
-    assert told in _refused(capsys)
+    assert message in _refused(capsys)
     assert {path.name for path in tmp_path.iterdir()} == {"views"}
 
 
@@ -207,9 +207,9 @@ def test_help_loads_nothing_heavy() -> None:
         "print('loaded', sorted({'numpy', 'cv2', 'matplotlib', 'msgspec'} & set(sys.modules)))\n"
     )
     run = [sys.executable, "-c", probe]
-    told = subprocess.run(run, capture_output=True, text=True, timeout=120, check=True, env={**os.environ})
-    assert told.stdout.splitlines()[-1] == "loaded []"
-    assert "--reference-frame" in told.stdout
+    ended = subprocess.run(run, capture_output=True, text=True, timeout=120, check=True, env={**os.environ})
+    assert ended.stdout.splitlines()[-1] == "loaded []"
+    assert "--reference-frame" in ended.stdout
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real images of ../shared/data are not here")
@@ -219,10 +219,10 @@ def test_tsukuba_in_the_order_1_2_5_4_3(
     views = DATA / "stereo_tsukuba"
     (tmp_path / "camera.toml").write_text("fx = 615\nfy = 615\ncx = 191.5\ncy = 143.5\n")
     (tmp_path / "motion.csv").write_text(_steps(4, "0.1,0,0,0,0,0"))
-    told = ["--camera", tmp_path / "camera.toml", "--motion", tmp_path / "motion.csv", "--near", "3"]
-    told += ["--reference", views / "truedisp.row3.col3.pgm", "--reference-scale", "16", "--json"]
-    told += ["--reference-baseline", "0.1", "--order", "1,2,5,4,3", "--out", tmp_path / "out"]
-    assert _run(monkeypatch, views / "scene1.row3.col*.ppm", *told) == 0
+    arguments = ["--camera", tmp_path / "camera.toml", "--motion", tmp_path / "motion.csv", "--near", "3"]
+    arguments += ["--reference", views / "truedisp.row3.col3.pgm", "--reference-scale", "16", "--json"]
+    arguments += ["--reference-baseline", "0.1", "--order", "1,2,5,4,3", "--out", tmp_path / "out"]
+    assert _run(monkeypatch, views / "scene1.row3.col*.ppm", *arguments) == 0
     rows = json.loads(capsys.readouterr().out)["pictures"]
     last = rows[-1]["accuracy"]
     # A smoke test: what a scene of 5 to 14 px of disparity must give when units, order and signs are right.
@@ -233,14 +233,16 @@ def test_tsukuba_in_the_order_1_2_5_4_3(
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real images of ../shared/data are not here")
 @pytest.mark.parametrize("step", ["0,0.1,0", "0,0,0.1", "-0.1,0,0", "10,0,0", "0.0001,0,0"])
-def test_tsukuba_with_a_wrong_axis_sign_or_unit_is_doubted(
+def test_tsukuba_with_a_wrong_axis_sign_or_unit_gets_a_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], step: str
 ) -> None:
     (tmp_path / "camera.toml").write_text("fx = 615\nfy = 615\ncx = 191.5\ncy = 143.5\n")
     (tmp_path / "motion.csv").write_text(_steps(4, f"{step},0,0,0"))
-    told = ["--camera", tmp_path / "camera.toml", "--motion", tmp_path / "motion.csv", "--order", "1,2"]
+    arguments = ["--camera", tmp_path / "camera.toml", "--motion", tmp_path / "motion.csv", "--order", "1,2"]
     assert (
-        _run(monkeypatch, DATA / "stereo_tsukuba" / "scene1.row3.col*.ppm", *told, "--out", tmp_path / "o")
+        _run(
+            monkeypatch, DATA / "stereo_tsukuba" / "scene1.row3.col*.ppm", *arguments, "--out", tmp_path / "o"
+        )
         == 0
     )
     assert "implausible disparities" in " ".join(capsys.readouterr().err.split())
@@ -252,9 +254,22 @@ def test_tum_with_its_own_poses_and_depth(
 ) -> None:
     desk = DATA / "tum_fr1desk9"
     (tmp_path / "camera.toml").write_text("fx = 517.3\nfy = 516.5\ncx = 318.6\ncy = 255.3\n")
-    told = ["--camera", tmp_path / "camera.toml", "--motion", desk / "groundtruth.txt", "--order", "1,5,9"]
-    told += ["--reference", sorted((desk / "depth").iterdir())[-1], "--reference-scale", "5000", "--json"]
-    assert _run(monkeypatch, desk / "rgb", *told, "--out", tmp_path / "out") == 0
+    arguments = [
+        "--camera",
+        tmp_path / "camera.toml",
+        "--motion",
+        desk / "groundtruth.txt",
+        "--order",
+        "1,5,9",
+    ]
+    arguments += [
+        "--reference",
+        sorted((desk / "depth").iterdir())[-1],
+        "--reference-scale",
+        "5000",
+        "--json",
+    ]
+    assert _run(monkeypatch, desk / "rgb", *arguments, "--out", tmp_path / "out") == 0
     last = json.loads(capsys.readouterr().out)["pictures"][-1]["accuracy"]
     # Three frames of nine: a smoke test of poses and units, which any error of either breaks wholly.
     assert last["median_relative"] < 0.25

@@ -10,7 +10,7 @@ from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.match.contrast import soften
 from perception.depth.refine.essd import BaseWindow, Window, sample_surface
 from perception.depth.settings import Equalisation
-from perception.image.interpolation import Between
+from perception.image.interpolation import InterpolatedImage
 
 SIZE = (80, 60)
 
@@ -55,7 +55,7 @@ def test_the_disparity_is_measured_below_the_pixel(angle):
     geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.01, 0, 0])), (60, 80))
     base, other = (pattern(angle, shift) + 0.7 * pattern(angle + 1.3, shift) for shift in (0.0, 2.3))
     window = BaseWindow(base, 4, Window.TENT)
-    surface = sample_surface(window, Between(other), geometry.project(2.0))
+    surface = sample_surface(window, InterpolatedImage(other), geometry.project(2.0))
     # 2 px were predicted
     u, v, _ = surface.minimum()
     assert np.nanmedian(u[15:-15, 15:-15]) == pytest.approx(0.3, abs=0.02)
@@ -76,7 +76,9 @@ def test_a_step_leaves_a_hundredth_of_what_it_began_with(off):
     )
     window = BaseWindow(soften(base.astype(np.float32)), 4, Window.TENT)
     predicted = geometry.project(2.3 + off)
-    u, _, _ = sample_surface(window, Between(soften(other.astype(np.float32))), predicted).minimum(100.0)
+    u, _, _ = sample_surface(window, InterpolatedImage(soften(other.astype(np.float32))), predicted).minimum(
+        100.0
+    )
     assert np.nanmedian(u[15:-15, 15:-15]) == pytest.approx(-off, abs=0.01 + 0.03 * abs(off))
 
 
@@ -89,7 +91,7 @@ def test_an_edge_along_the_motion_says_nothing_about_depth():
         noisy = (pattern(angle) + rng.normal(0, 1, (60, 80))).astype(np.float32)
         other = (pattern(angle, 2.0) + rng.normal(0, 1, (60, 80))).astype(np.float32)
         window = BaseWindow(noisy, 4, Window.TENT)
-        surface = sample_surface(window, Between(other), geometry.project(2.0))
+        surface = sample_surface(window, InterpolatedImage(other), geometry.project(2.0))
         # Noise of both images, and a tenth of a pixel across the line: λ_ep = s²/σ_ep².
         power = np.full((60, 80), 2.0, np.float32)
         along, _, _ = surface.covariance(power, power / np.float32(0.01))

@@ -32,7 +32,7 @@ def test_the_variance_does_not_depend_on_the_grey_scale():
 
 def test_the_variance_is_that_of_many_noisy_matches():
     # Pure translation of a known signal: the error surface is exactly quadratic in small shifts, so the
-    # spread of the minimum must be what the corrected (2.11) says; 4 % is the sampling error of 2000 runs.
+    # spread of the minimum must be that of the corrected (2.11); 4 % is the sampling error of 2000 runs.
     rng = np.random.default_rng(0)
     x = np.arange(49) * 0.35
     shifts, stated = [], []
@@ -49,7 +49,7 @@ def test_the_variance_is_that_of_many_noisy_matches():
 
 
 def test_an_oblique_valley_has_its_minimum_where_both_slopes_vanish():
-    # q = (x + y − 0.3)² + 0.1 (x − y)²: minimum at (0.15, 0.15); two separate parabolas would say 0.27.
+    # q = (x + y − 0.3)² + 0.1 (x − y)²: minimum at (0.15, 0.15); two separate parabolas would give 0.27.
     quadric = Quadric(field(0.09), field(-0.6), field(-0.6), field(2.2), field(1.8), field(2.2))
     u, v, least = quadric.minimum()
     assert (u[0, 0], v[0, 0], least[0, 0]) == pytest.approx((0.15, 0.15, 0.0), abs=1e-4)
@@ -59,7 +59,7 @@ def test_an_oblique_valley_has_its_minimum_where_both_slopes_vanish():
 
 
 def test_the_soft_epipolar_term_makes_an_edge_across_the_motion_measurable():
-    # An upright edge: q = (u − 0.2)² says nothing about v, and its Hessian is singular.
+    # An upright edge: q = (u − 0.2)² determines no v, and its Hessian is singular.
     quadric = Quadric(field(0.04), field(-0.4), field(0.0), field(2.0), field(0.0), field(0.0))
     u, v, _ = quadric.minimum(0.5)
     assert (u[0, 0], v[0, 0]) == pytest.approx((0.2, 0.0), abs=1e-5)

@@ -23,7 +23,7 @@ def test_2_18_with_weight_one_is_8125_and_not_1_625() -> None:
 
 
 def test_2_16_as_printed_is_that_of_four_lambda() -> None:
-    # with λ = σ = 1 the print says u = (ū + d)/2; a tiny variance pins the neighbours 3, 5, 1, 7 (ū = 4)
+    # with λ = σ = 1 the print gives u = (ū + d)/2; a tiny variance pins the neighbours 3, 5, 1, 7 (ū = 4)
     measured = np.array([[0, 3, 0], [5, 10, 1], [0, 7, 0]], np.float32)
     found = relax_membrane(measured, around_a_middle(1e-6, 1.0), Springs.even((3, 3)), 4.0, 1)
     # the pins give by 1e-6 of some units

@@ -34,7 +34,7 @@ def test_uncovered_pixel_is_unknown_and_not_zero() -> None:
 
 
 def test_nearer_surface_hides_and_is_not_averaged() -> None:
-    # a foreground at 1 m (ρ = 1) comes to stand on a background at 5 m (ρ = .2)
+    # a foreground at 1 m (ρ = 1) lands on a background at 5 m (ρ = .2)
     state = warp_map(certain(row(0.2, 0.2, 1.0, 0.2)), moved_to(row(0, 1, 1, 3)))
     assert state.value[0, 1] == pytest.approx(1.0, rel=1e-6)
     assert state.value[0, 0] == pytest.approx(0.2, rel=1e-6)
