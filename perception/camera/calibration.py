@@ -22,7 +22,11 @@ LEAST_TURN_DEG = 15.0
 
 @dataclass(frozen=True)
 class CalibrationBoard:
-    """A printed ChArUco board: columns x rows of squares, sides in metres, one of OpenCV's dictionaries."""
+    """A printed ChArUco board: columns x rows of squares, sides in metres, one of OpenCV's dictionaries.
+
+    Raises:
+        CameraCalibrationError: a size is not possible or OpenCV has no such dictionary.
+    """
 
     columns: int = 8
     rows: int = 6
@@ -89,10 +93,16 @@ class IntrinsicsCalibration:
 def estimate_intrinsics(
     views: Sequence[BoardView], width: int, height: int, *, distortion: bool = True
 ) -> IntrinsicsCalibration:
-    """Fit a pinhole (with Brown distortion unless told not to) to views of the board.
+    """Fit a pinhole with Brown distortion to views of the board, by OpenCV's calibration (Zhang).
 
-    Raises CameraCalibrationError when there are too few views, when they do not determine the focal length within
-    1 % or the board was always seen from the same side, or when the residual is above one pixel.
+    Args:
+        views: at least six.
+        width, height: of the images, pixels.
+        distortion: False fits a lens without any.
+
+    Raises:
+        CameraCalibrationError: there are too few views, they do not determine the focal length within 1 %, the board
+            was always seen from the same side, or the residual is above one pixel.
     """
     if len(views) < LEAST_VIEWS:
         raise CameraCalibrationError(
@@ -116,7 +126,7 @@ def estimate_intrinsics(
     if turned < LEAST_TURN_DEG:
         raise CameraCalibrationError(
             f"the board was turned by {turned:.1f}° between the views, at least {LEAST_TURN_DEG:g}° are needed "
-            "to tell focal length from distance: turn the board against the camera"
+            "to separate focal length from distance: turn the board against the camera"
         )
     k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(lens)[:5])
     deviation = float(np.max(np.ravel(deviations)[:2]))

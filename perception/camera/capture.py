@@ -1,7 +1,7 @@
 """The capture process of a live camera: it grabs, and sends the newest frame over the socket that is its stdin.
 
 `python -m perception.camera.capture REQUEST`, started by `capture_process` only. It ends when the other end of the
-socket is shut or gone, even while its driver hangs (docs/decisions/0076).
+socket is shut or closed, even while its driver hangs (docs/decisions/0076).
 """
 
 import os
@@ -19,8 +19,8 @@ from perception.camera.capture_messages import (
     CaptureRequest,
     CaptureSettings,
     FrameHeader,
+    NotOpened,
     Opened,
-    Refused,
     encode_message,
 )
 from perception.camera.errors import CameraError, CameraNotFound, SettingRefused
@@ -40,7 +40,7 @@ def main() -> None:
     try:
         capture = open_capture(request)
     except CameraError as error:
-        link.sendall(encode_message(Refused(type(error).__name__, str(error))))
+        link.sendall(encode_message(NotOpened(type(error).__name__, str(error))))
     else:
         link.sendall(encode_message(Opened()))
         sender = _Sender(link)
@@ -66,7 +66,12 @@ def _end() -> None:
 
 
 def open_capture(request: CaptureRequest) -> cv2.VideoCapture:
-    """Open the source and apply the settings; raises CameraNotFound or SettingRefused."""
+    """Open the source and apply the settings.
+
+    Raises:
+        CameraNotFound: it cannot be opened.
+        SettingRefused: it does not take a setting.
+    """
     place, device = request.source.place, request.source.kind == "device"
     milliseconds = int(request.timeout * 1e3)
     timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, milliseconds, cv2.CAP_PROP_READ_TIMEOUT_MSEC, milliseconds]
@@ -142,7 +147,11 @@ class _Sender:
 
 
 def apply_settings(capture: cv2.VideoCapture, settings: CaptureSettings, name: str) -> None:
-    """Ask the camera for its settings and read them back; raises SettingRefused with both values."""
+    """Ask the camera for its settings and read them back.
+
+    Raises:
+        SettingRefused: it has another value; the message has both.
+    """
     if settings.pixel_format is not None:
         code = cv2.VideoWriter.fourcc(*settings.pixel_format)
         _set(capture, cv2.CAP_PROP_FOURCC, code, "format", name, 0.0)

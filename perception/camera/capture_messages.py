@@ -1,4 +1,4 @@
-"""What a live camera and its capture process tell each other: a request on the way there, messages on the way back.
+"""What a live camera and its capture process exchange: a request on the way there, messages on the way back.
 
 A message is a length (four bytes), that many bytes of MessagePack, and after a `FrameHeader` the image, row by row.
 """
@@ -17,8 +17,8 @@ LENGTH = struct.Struct("<I")
 class CaptureSettings:
     """What is asked of the camera; None leaves it as it is.
 
-    ``pixel_format`` is a four-letter code such as GREY, YUYV or MJPG; ``exposure`` and ``gain`` are in the
-    driver's own units and switch automatic exposure off. ``delay`` is the known time in seconds from the
+    `pixel_format` is a four-letter code such as GREY, YUYV or MJPG; `exposure` and `gain` are in the
+    driver's own units and switch automatic exposure off. `delay` is the known time in seconds from the
     middle of the exposure to the driver's stamp; it is taken off every stamp.
     """
 
@@ -46,7 +46,7 @@ class Opened(msgspec.Struct, frozen=True, tag=True):
     """The camera is open, its settings taken."""
 
 
-class Refused(msgspec.Struct, frozen=True, tag=True):
+class NotOpened(msgspec.Struct, frozen=True, tag=True):
     """It is not: the name of a `CameraError` and its text."""
 
     error: str
@@ -61,7 +61,7 @@ class FrameHeader(msgspec.Struct, frozen=True, tag=True):
     shape: tuple[int, ...]
 
 
-Message = Opened | Refused | FrameHeader
+Message = Opened | NotOpened | FrameHeader
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Message] = msgspec.msgpack.Decoder(Message)
 

@@ -17,7 +17,7 @@ from perception.camera.capture_messages import (
     CaptureRequest,
     FrameHeader,
     Message,
-    Refused,
+    NotOpened,
     decode_message,
 )
 from perception.camera.errors import CameraError, CameraLost, CameraNotFound
@@ -39,7 +39,11 @@ class CaptureProcess:
 
     @classmethod
     def start(cls, request: CaptureRequest) -> Self:
-        """Start the process, which begins to open the camera; raises CameraNotFound when there can be none."""
+        """Start the process, which begins to open the camera.
+
+        Raises:
+            CameraNotFound: the process cannot be started.
+        """
         mine, its = socket.socketpair()
         its.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         mine.setblocking(False)
@@ -65,16 +69,24 @@ class CaptureProcess:
         return cls(request, process, mine)
 
     async def opened(self) -> None:
-        """Wait until the camera is open; raises CameraNotFound or SettingRefused when it will not be."""
+        """Wait until the camera is open.
+
+        Raises:
+            CameraNotFound, SettingRefused: it will not be.
+            CameraLost: the process has ended.
+        """
         message = await self._receive()
-        if isinstance(message, Refused):
+        if isinstance(message, NotOpened):
             kind: type[CameraError] = getattr(errors, message.error)
             raise kind(message.text)
 
     async def frame(self) -> Frame:
-        """The next frame, numbered from the opening; raises CameraLost when there are no more.
+        """Receive the next frame, numbered from the opening.
 
         After a cancellation the rest of a frame may be under way: the process can only be ended then.
+
+        Raises:
+            CameraLost: there are no more.
         """
         header = await self._receive()
         assert isinstance(header, FrameHeader)
@@ -115,6 +127,6 @@ class CaptureProcess:
                 count = 0
             if count == 0:
                 raise CameraLost(
-                    f"camera {self._request.name} is gone: {self._request.source.place} gives no more images"
+                    f"camera {self._request.name} is lost: {self._request.source.place} gives no more images"
                 )
             part = part[count:]

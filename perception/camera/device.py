@@ -20,7 +20,7 @@ _START_S = 5.0
 class DeviceCamera(SlotCamera):
     """A V4L2 device or an address, captured in a process of its own.
 
-    A camera that vanishes, stalls or changes its size raises its typed error from ``latest`` and ``frames``
+    A camera that vanishes, stalls or changes its size raises its typed error from `latest` and `frames`
     and is opened again in the background, first after 0.2 s and then ever more slowly up to every 5 s.
     """
 
@@ -39,7 +39,11 @@ class DeviceCamera(SlotCamera):
         self._sequence = 0
 
     async def open(self) -> None:
-        """Open the camera; raises CameraNotFound or SettingRefused."""
+        """Open the camera.
+
+        Raises:
+            CameraNotFound, SettingRefused: it cannot be opened, or not with these settings.
+        """
         capture = await self._start()
         # Only now: the start of the process is no silence of the camera.
         await super().open()
@@ -107,7 +111,16 @@ class DeviceCamera(SlotCamera):
 def open_camera(
     text: str, settings: CaptureSettings = AS_IT_IS, *, name: str = "", repeat: bool = False
 ) -> SlotCamera:
-    """The camera that ``text`` names, not yet opened; raises CameraNotFound."""
+    """The camera that a text names, not yet opened.
+
+    Args:
+        text: as `find_source` takes it.
+        settings: a folder or video takes `rate` (25 Hz by default) and `grey` of them.
+        repeat: whether a folder or video begins again at its end.
+
+    Raises:
+        CameraNotFound: there is no such thing.
+    """
     source = find_source(text)
     if source.kind in ("folder", "video"):
         # Only what reads files itself needs OpenCV in this process.

@@ -1,4 +1,4 @@
-"""What can go wrong between a lens and a frame."""
+"""The errors of cameras, lenses and calibration."""
 
 
 class CameraError(Exception):
@@ -10,7 +10,7 @@ class CameraNotFound(CameraError):
 
 
 class CameraLost(CameraError):
-    """The camera was there and is gone: unplugged, closed by its server, out of images."""
+    """The camera was open and gives no more images: unplugged, closed by its server, at its end."""
 
 
 class CameraStalled(CameraError):

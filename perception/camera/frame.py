@@ -1,4 +1,4 @@
-"""An image with the moment of its exposure, and what gives such images."""
+"""Frames: images with the moment of their exposure; and cameras, which give them."""
 
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One image: (height, width) grey or (height, width, 3) BGR, and when it was exposed.
+    """One image, height × width grey or × 3 BGR, and when it was exposed.
 
-    ``stamp`` is the middle of the exposure, in seconds on the clock of the event loop.
-    ``sequence`` counts the camera's exposures: a gap of n is n - 1 lost images.
+    `stamp` is the middle of the exposure, in seconds on the clock of the event loop.
+    `sequence` counts the camera's exposures: a gap of n is n - 1 lost images.
     """
 
     image: Image
@@ -49,11 +49,19 @@ class Camera(Protocol):
         ...
 
     def latest(self) -> Frame | None:
-        """The newest frame, None before the first; raises CameraError while the camera is down."""
+        """The newest frame, None before the first.
+
+        Raises:
+            CameraError: the camera is down.
+        """
         ...
 
     def frames(self) -> AsyncIterator[Frame]:
-        """Every new frame from now on, the newest one if several came meanwhile; raises CameraError."""
+        """Every new frame from now on, the newest one if several came meanwhile.
+
+        Raises:
+            CameraError: the camera is down.
+        """
         ...
 
     async def __aenter__(self) -> "Camera": ...

@@ -21,6 +21,9 @@ class Intrinsics:
     """Focal lengths and principal point in pixels, Brown distortion (k1, k2, p1, p2, k3).
 
     The centre of the upper left pixel is (0, 0); x right, y down.
+
+    Raises:
+        IntrinsicsError: a size or focal length is not positive, or a number not finite.
     """
 
     width: int
@@ -54,7 +57,7 @@ class Intrinsics:
         return np.where(np.isnan(pixels), np.nan, rays)
 
     def scaled(self, width: int, height: int) -> "Intrinsics":
-        """The intrinsics of the image resized to ``width`` x ``height``, its pixels' outer edges kept."""
+        """The intrinsics of the image resized to `width` x `height`, its pixels' outer edges kept."""
         sx, sy = width / self.width, height / self.height
         return Intrinsics(
             width,
@@ -79,7 +82,11 @@ class Intrinsics:
         return np.asarray(maps[0], np.float32), np.asarray(maps[1], np.float32)
 
     def undistort(self, image: Image) -> Image:
-        """The image as the same camera without distortion would give it; raises IntrinsicsError by size."""
+        """The image as the same camera without distortion would give it.
+
+        Raises:
+            IntrinsicsError: the image has another size.
+        """
         if image.shape[:2] != (self.height, self.width):
             raise IntrinsicsError(
                 f"intrinsics of {self.width} x {self.height} pixels do not fit an image of "
@@ -92,7 +99,11 @@ class Intrinsics:
 
 
 def load_intrinsics(path: Path, table: str = "") -> Intrinsics:
-    """Intrinsics from a TOML file, or from one of its tables; IntrinsicsError names file, key and value."""
+    """Intrinsics from a TOML file, or from one of its tables.
+
+    Raises:
+        IntrinsicsError: what is missing or wrong, with file, key and value.
+    """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -125,7 +136,7 @@ def load_intrinsics(path: Path, table: str = "") -> Intrinsics:
 
 
 def format_intrinsics(intrinsics: Intrinsics, table: str = "") -> str:
-    """The TOML text of intrinsics, under ``table`` when one is given."""
+    """The TOML text of intrinsics, under `table` when one is given."""
     lines = [f"[{table}]"] if table else []
     for key, value in asdict(intrinsics).items():
         if isinstance(value, tuple):

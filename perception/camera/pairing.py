@@ -26,9 +26,9 @@ class FramePair:
 
 
 class Pairing:
-    """Matches frames by stamp: within ``bound`` seconds they are a pair.
+    """Matches frames by stamp: within `bound` seconds they are a pair.
 
-    A frame whose partner has not come within ``patience`` seconds of its own arrival goes on alone. Of frames
+    A frame whose partner has not come within `patience` seconds of its own arrival goes on alone. Of frames
     that wait only the newest of each side is kept.
     """
 
@@ -70,7 +70,14 @@ class Pairing:
 async def paired(left: Camera, right: Camera, *, bound: float, patience: float) -> AsyncIterator[FramePair]:
     """Pairs from two cameras as they come; one eye alone while the other is down.
 
-    Raises CameraError only while both are down. A camera that was reopened joins again by itself.
+    A camera that was reopened joins again by itself.
+
+    Args:
+        bound: by how much the stamps of a pair may differ, s.
+        patience: how long a frame waits for its partner, s.
+
+    Raises:
+        CameraError: both cameras are down.
     """
     pairing = Pairing(bound, patience)
     news: asyncio.Queue[tuple[int, Frame | CameraError]] = asyncio.Queue()

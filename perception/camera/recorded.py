@@ -14,9 +14,9 @@ from perception.camera.source import Source, images_in
 
 
 class RecordedCamera(SlotCamera):
-    """A folder of images or a video file, one image each 1/``rate`` s of the loop's clock.
+    """A folder of images or a video file, one image each 1/`rate` s of the loop's clock.
 
-    Deterministic in virtual time. At the end it starts again when ``repeat`` is set, else CameraLost.
+    Deterministic in virtual time. At the end it starts again when `repeat` is set, else CameraLost.
     """
 
     def __init__(
@@ -32,7 +32,11 @@ class RecordedCamera(SlotCamera):
         self._player: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Start to play; raises CameraNotFound when the first image cannot be read."""
+        """Start to play.
+
+        Raises:
+            CameraNotFound: the first image cannot be read.
+        """
         await super().open()
         first = next(self._images(), None)
         if first is None:

@@ -9,11 +9,11 @@ from perception.camera.frame import CameraStatistics, Frame
 
 
 class SlotCamera:
-    """A camera whose source puts frames in from the event loop: ``put`` and ``fail``.
+    """A camera whose source puts frames in from the event loop: `put` and `fail`.
 
     Only the newest frame is kept; one that is replaced before anybody took it counts as dropped, as do the
-    gaps in the sequence numbers. Silence for more than ``stall_after`` seconds raises CameraStalled from
-    ``latest`` and ``frames``; another frame ends that state. A frame of another size than the first is
+    gaps in the sequence numbers. Silence for more than `stall_after` seconds raises CameraStalled from
+    `latest` and `frames`; another frame ends that state. A frame of another size than the first is
     refused.
     """
 
@@ -69,7 +69,7 @@ class SlotCamera:
         self._signal()
 
     def fail(self, error: CameraError) -> None:
-        """The source is down: everyone who asks is told, until the next frame."""
+        """The source is down: `latest` and `frames` raise the error until the next frame."""
         self._error = error
         self._signal()
 
@@ -80,7 +80,11 @@ class SlotCamera:
         self._silent_since = asyncio.get_running_loop().time()
 
     def latest(self) -> Frame | None:
-        """The newest frame, None before the first; raises CameraError while the camera is down."""
+        """The newest frame, None before the first.
+
+        Raises:
+            CameraError: the camera is down.
+        """
         if self._error is not None:
             raise self._error
         if asyncio.get_running_loop().time() - self._silent_since > self.stall_after:
@@ -89,7 +93,11 @@ class SlotCamera:
         return self._frame
 
     async def frames(self) -> AsyncIterator[Frame]:
-        """Every new frame from now on, the newest if several came meanwhile; raises CameraError."""
+        """Every new frame from now on, the newest if several came meanwhile.
+
+        Raises:
+            CameraError: the camera is down.
+        """
         seen = self._frame.sequence if self._frame is not None else -1
         while True:
             seen = await self.wait_for_frame(seen)
@@ -99,7 +107,11 @@ class SlotCamera:
             yield frame
 
     async def wait_for_frame(self, seen: int) -> int:
-        """Wait until the newest frame is not number ``seen``, and return its number; raises CameraError."""
+        """Wait until the newest frame is not number `seen`, and return its number.
+
+        Raises:
+            CameraError: the camera is down, or was never opened.
+        """
         if self._changed is None:
             raise CameraError(f"camera {self.name} is not open")
         while True:

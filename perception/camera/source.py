@@ -13,18 +13,21 @@ IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".bmp", ".t
 
 @dataclass(frozen=True)
 class Source:
-    """Where the images come from; a device's ``place`` is its path in /dev with links resolved."""
+    """Where the images come from; a device's `place` is its path in /dev with links resolved."""
 
     kind: Kind
     place: str
 
 
 def find_source(text: str) -> Source:
-    """Tell what ``text`` names; raises CameraNotFound when there is no such thing.
+    """What a text names.
 
     A number n is /dev/videoN; a bare name is looked for in /dev/v4l/by-id, so that a camera keeps its side
     when the cables are swapped; a folder is its images in the order of their names; tcp, udp, http(s) and
     rtsp addresses go to OpenCV.
+
+    Raises:
+        CameraNotFound: there is no such thing.
     """
     if not text:
         raise CameraNotFound("no camera given: a device, file, folder or address is needed")
@@ -43,7 +46,11 @@ def find_source(text: str) -> Source:
 
 
 def images_in(folder: str) -> list[Path]:
-    """The images of a folder in the order of their names; raises CameraNotFound when there is none."""
+    """The images of a folder in the order of their names.
+
+    Raises:
+        CameraNotFound: there is none.
+    """
     found = sorted(path for path in Path(folder).iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
     if not found:
         raise CameraNotFound(f"no images in {folder} (looked for {', '.join(sorted(IMAGE_SUFFIXES))})")

@@ -12,32 +12,34 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Target:
-    """Where a target is in an image.
-
-    x_px, y_px: its centre, pixel centres at whole numbers, x right, y down, origin at the first pixel.
-    area_px: its area, in pixels of the image it was found in. confidence: 0 to 1. sigma_px: standard
-    deviation of either coordinate.
-    """
+    """Where a target is in an image: pixel centres at whole numbers, x right, y down, origin at the first pixel."""
 
     x_px: float
     y_px: float
+    """Its centre."""
     area_px: float
+    """Its area, in pixels of the image it was found in."""
     confidence: float
+    """0 to 1."""
     sigma_px: float
+    """Standard deviation of either coordinate."""
 
 
 @dataclass(frozen=True)
 class Shape:
     """What a component must be like to be taken for the target; None sets no limit.
 
-    roundness: area/(4π √det M), M the second central moments; 1 for every filled ellipse, however flat, less
-    for anything else. flatness: the ratio of the ellipse's minor to its major axis.
+    Raises:
+        ValueError: the largest area is under the least.
     """
 
     least_area_px: float = 1.0
     largest_area_px: float | None = None
     least_roundness: float | None = None
+    """Of area/(4π √det M), M the second central moments: 1 for every filled ellipse, however flat, less for anything
+    else."""
     least_flatness: float | None = None
+    """Of the ratio of the ellipse's minor to its major axis."""
 
     def __post_init__(self) -> None:
         if self.largest_area_px is not None and self.largest_area_px < self.least_area_px:
@@ -47,10 +49,13 @@ class Shape:
 
 
 def subsample(image: Image, size: int = 64) -> Image:
-    """An image (H, W) brought down to `size` columns by averaging whole blocks of pixels (thesis 6.5.1: 512²
-    to 64²).
+    """Subsample an image by averaging whole blocks of pixels (thesis 6.5.1: 512² to 64²).
 
     Averaging, where the thesis takes every eighth pixel: a target smaller than the step is then never missed.
+
+    Args:
+        image: grey, height × width.
+        size: columns of the result; an image of fewer than twice as many is returned as it is.
     """
     step = image.shape[1] // size
     if step <= 1:
@@ -65,13 +70,20 @@ def subsample(image: Image, size: int = 64) -> Image:
 def detect_bright_target(
     image: Image, threshold: int, *, size: int = 64, shape: Shape | None = None
 ) -> Target | None:
-    """The bright target of an image (H, W) of grey levels, in pixels of that image, or None when there is
-    none.
+    """The bright target of an image, in pixels of that image; None when there is none (thesis 6.5.1).
 
     Without a shape it is the centre of mass of everything over the threshold, as in the thesis; with one, of
     the component that fits the shape best (the roundest, then the largest). Each pixel weighs what it exceeds
-    the threshold by, so a spot of few pixels is placed to a fraction of one. Raises ValueError when the image
-    is not grey or the threshold not in 0..254.
+    the threshold by, so a spot of few pixels is placed to a fraction of one.
+
+    Args:
+        image: grey, height × width.
+        threshold: 0 to 254 grey levels.
+        size: columns to which the image is subsampled first.
+        shape: in pixels of the subsampled image.
+
+    Raises:
+        ValueError: the image is not grey or the threshold outside its range.
     """
     if image.ndim != 2:
         raise ValueError(f"a grey image (H, W) is needed, this one has shape {image.shape}")

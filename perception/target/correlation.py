@@ -13,7 +13,7 @@ Scores = NDArray[np.float32]
 
 
 def peak(scores: Scores) -> tuple[float, float, float]:
-    """Column, row (sub-pixel) and height of the highest score of a map (H, W).
+    """Column, row (sub-pixel) and height of the highest score of a map, height × width.
 
     The vertex of the paraboloid that fits the peak and its eight neighbours best, which unlike two parabolas,
     one a direction, is right on a slanted ridge too. At the map's rim, where the map is flat, or where the
@@ -36,10 +36,16 @@ def peak(scores: Scores) -> tuple[float, float, float]:
 
 
 def correlate(image: Image, patch: Image) -> Scores:
-    """Normalised cross-correlation, −1 to 1, of a patch (h, w) at every place of an image (H, W): (H−h+1,
-    W−w+1).
+    """Zero-mean normalised cross-correlation, −1 to 1, of a patch at every place of an image.
 
     A place without contrast correlates with nothing: its score is −1, where the quotient would be 0/0.
+
+    Args:
+        image: grey, H × W.
+        patch: grey, h × w.
+
+    Returns:
+        (H − h + 1) × (W − w + 1).
     """
     scores = np.asarray(cv2.matchTemplate(image, patch, cv2.TM_CCOEFF_NORMED), np.float32)
     scores[~np.isfinite(scores) | (scores > 1.001)] = -1.0
@@ -47,13 +53,16 @@ def correlate(image: Image, patch: Image) -> Scores:
 
 
 class PatchTarget:
-    """A textured target followed from image to image, and searched for in the whole image once it is
-    lost.
+    """A textured target followed from image to image, and searched for in the whole image once it is lost.
 
-    patch (h, w): what it looks like. near_px: how far from the expected place it is looked for. keep: the
-    least correlation at which it is still the target; find: the least at which it is found again after a loss
-    (higher: the whole image offers more to mistake for it). Raises ValueError for a patch without contrast:
-    it would be found everywhere.
+    Args:
+        patch: what it looks like, grey, height × width.
+        near_px: how far from the expected place it is searched for.
+        keep: the least correlation at which it is still the target.
+        find: the least at which it is found again after a loss; higher, as a whole image offers more mistakes.
+
+    Raises:
+        ValueError: the patch is too small, or has no contrast: it would be found everywhere.
     """
 
     def __init__(self, patch: Image, *, near_px: int = 24, keep: float = 0.6, find: float = 0.75) -> None:
@@ -70,7 +79,7 @@ class PatchTarget:
         self._last: tuple[float, float] | None = None
 
     def detect(self, image: Image, expected_px: tuple[float, float] | None = None) -> Target | None:
-        """The target in an image (H, W), looked for near `expected_px` (or where it was last), or None."""
+        """The target in a grey image, searched for near `expected_px` (or where it was last); None when it is lost."""
         expected = expected_px or self._last
         found = None
         if expected is not None:
@@ -121,12 +130,20 @@ def estimate_disparity(
     reach_px: tuple[int, int] = (16, 3),
     least: float = 0.6,
 ) -> Disparity | None:
-    """Binocular disparity at a fixation: the left image's window around `centre_px` (default the middle),
-    found in the right one.
+    """Binocular disparity at a fixation: a window of the left image found in the right one.
 
     None when the window has no texture, correlates less than `least`, or is best matched at the rim of the
-    search, where a peak further out cannot be ruled out. Raises ValueError when the images differ in size or
-    the window leaves them.
+    search, where a peak further out cannot be ruled out.
+
+    Args:
+        left, right: grey, height × width.
+        centre_px: column and row of the window's middle; the image's middle by default.
+        window_px: its side.
+        reach_px: how far it is searched for, columns and rows.
+        least: correlation.
+
+    Raises:
+        ValueError: the images differ in size or the window leaves them.
     """
     if left.shape != right.shape or left.ndim != 2:
         raise ValueError(f"two grey images of one size are needed, not {left.shape} and {right.shape}")
