@@ -13,9 +13,7 @@ from statistics import median
 import cv2
 import numpy as np
 
-from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.pinhole import Pinhole
-from perception.depth.settings import DEFAULT
+from perception.depth import DEFAULT, DepthFromMotion, Pinhole
 from tools.depth.scenes import Plane, Scene, Sequence, place, render_sequence, waves
 
 SIZES = ((192, 144), (256, 192), (384, 288), (512, 384), (640, 480))

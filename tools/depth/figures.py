@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from perception.depth.estimator import DepthMap
+from perception.depth import DepthMap
 from tools.depth.scenes import Sequence
 
 INK, SOFT = "#22303c", "#c9d2d9"

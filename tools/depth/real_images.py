@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.motion import Motion
-from perception.depth.geometry.pinhole import Pinhole
+from perception.depth import Motion, Pinhole
 from tools.depth.scenes import Sequence
 
 Image = NDArray[np.uint8]

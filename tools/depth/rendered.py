@@ -6,8 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.depth.estimator import DepthMap
-from perception.depth.settings import DEFAULT, PRESETS, DepthSettings
+from perception.depth import DEFAULT, PRESETS, DepthMap, DepthSettings
 from tools.depth.light import LIGHTS
 from tools.depth.peers import bad_percent
 from tools.depth.scenes import Sequence, sea_bed, slanted_plane, stripes, table_top

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.motion import Motion
-from perception.depth.geometry.pinhole import Pinhole
+from perception.depth import Motion, Pinhole
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,7 @@ from statistics import mean
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.estimator import DepthFromMotion, DepthMap
-from perception.depth.settings import DepthSettings
+from perception.depth import DepthFromMotion, DepthMap, DepthSettings
 from tools.depth.peers import bad_percent
 from tools.depth.real_images import Image, Views
 from tools.depth.scenes import Sequence

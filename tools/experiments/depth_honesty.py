@@ -14,7 +14,7 @@ from pathlib import Path
 
 import cv2
 
-from perception.depth.settings import DEFAULT
+from perception.depth import DEFAULT
 from tools.depth.scenes import Sequence, approach, sea_bed, slanted_plane, table_top
 from tools.depth.score import cover_sequence
 
