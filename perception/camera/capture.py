@@ -9,6 +9,7 @@ import socket
 import sys
 import threading
 import time
+import traceback
 from contextlib import suppress
 
 import cv2
@@ -38,16 +39,25 @@ def main() -> None:
     stopping = threading.Event()
     threading.Thread(target=_watch, args=(link, stopping), daemon=True).start()
     try:
+        _serve(request, link, stopping)
+    except BrokenPipeError:
+        pass  # The other end has been shut meanwhile.
+    except Exception:
+        traceback.print_exc()
+    _end()
+
+
+def _serve(request: CaptureRequest, link: socket.socket, stopping: threading.Event) -> None:
+    try:
         capture = open_capture(request)
     except CameraError as error:
         link.sendall(encode_message(NotOpened(type(error).__name__, str(error))))
-    else:
-        link.sendall(encode_message(Opened()))
-        sender = _Sender(link)
-        _grab(capture, request, sender, stopping)
-        capture.release()
-        sender.finish()
-    _end()
+        return
+    link.sendall(encode_message(Opened()))
+    sender = _Sender(link)
+    _grab(capture, request, sender, stopping)
+    capture.release()
+    sender.finish()
 
 
 def _watch(link: socket.socket, stopping: threading.Event) -> None:

@@ -35,7 +35,6 @@ class DeviceCamera(SlotCamera):
         super().__init__(name or source.place, stall_after=stall_after)
         self._request = CaptureRequest(source, settings, self.name, stall_after)
         self._keeper: asyncio.Task[None] | None = None
-        self._capture: CaptureProcess | None = None
         self._sequence = 0
 
     async def open(self) -> None:
