@@ -1,10 +1,11 @@
 # make demo   the head without hardware
 # make test   lint, types, import contracts, tests, in this order (what CI runs)
+# make api    the reference from the docstrings, in out/api
 PYTHON ?= python3
 BIN := .venv/bin
 JOBS ?= auto
 
-.PHONY: demo test lint types contracts lock clean
+.PHONY: demo test lint types contracts api lock clean
 
 demo: .venv/ready
 	$(BIN)/medusa-ctl --sim demo
@@ -30,6 +31,9 @@ contracts: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
+
+api: .venv/ready
+	$(BIN)/pdoc --docformat google --output-directory out/api medusa labmate perception sim_devices
 
 # One lock for every Python and platform we support; needs uv (pip install uv).
 lock:
