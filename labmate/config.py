@@ -16,7 +16,7 @@ import msgspec
 from msgspec import Meta
 
 from labmate.calibration import Calibration
-from labmate.messages import Limits
+from labmate.driver.messages import Limits
 from labmate.odometry import OdometryNoise
 from medusa.errors import ConfigError
 from medusa.files.configuration import parse, read_text

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 from medusa.errors import CommandError, DeviceFault, DeviceRestarted, HostGap, MedusaError, Origin
 
 if TYPE_CHECKING:
-    from labmate.motion import MotionReport
+    from labmate.base.checks import MotionReport
 
 
 class MotionStopped(DeviceFault):

@@ -9,11 +9,11 @@ from math import degrees
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from labmate.config import BaseConfig, LimitsConfig, SafetyConfig
-from labmate.messages import POWER_UP_LIMITS
+from labmate.driver.messages import POWER_UP_LIMITS
 from labmate.odometry import Pose, WheelGeometry
 
 if TYPE_CHECKING:
-    from labmate.base import Base
+    from labmate.base.mobile_base import Base
     from labmate.config import CalibrationFile
     from medusa.link import Trace
     from sim_devices.bench import Bench
@@ -65,7 +65,7 @@ class SimulatedBase:
         poll_period: float = 0.25,
     ) -> AbstractAsyncContextManager[Base]:
         """Connect to it as to a real one; the same seed gives the same bytes."""
-        from labmate.base import open_base
+        from labmate.base.mobile_base import open_base
 
         return open_base(
             self.port,

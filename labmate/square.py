@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan2, hypot, inf, pi
 
-from labmate.base import Base
+from labmate.base.checks import BaseSnapshot
+from labmate.base.mobile_base import Base
 from labmate.calibration import (
     DIRECTIONS,
     Calibration,
@@ -17,7 +18,6 @@ from labmate.calibration import (
     estimate_closed_form,
     refine_on_tracks,
 )
-from labmate.motion import BaseSnapshot
 from labmate.odometry import START, Odometry, OdometryNoise, Pose, WheelGeometry, wrapped
 from medusa.errors import CommandError
 

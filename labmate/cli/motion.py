@@ -13,7 +13,7 @@ from labmate.cli.options import Options
 from labmate.cli.tables import pose_line, report_document, snapshot_document
 
 if TYPE_CHECKING:
-    from labmate.motion import BaseSnapshot, MotionReport
+    from labmate.base.checks import BaseSnapshot, MotionReport
 
 # A negative distance is an argument, not an option.
 _NEGATIVE = {"ignore_unknown_options": True}
@@ -48,7 +48,7 @@ def drive(
     options: Options = context.obj
 
     async def body() -> BaseSnapshot:
-        from labmate.motion import MAX_VALID, check_drive, check_free_way
+        from labmate.base.checks import MAX_VALID, check_drive, check_free_way
 
         async with options.base() as (base, _):
             check_drive(base.limits, speed, radians(turn_rate), MAX_VALID)
@@ -80,8 +80,8 @@ def estop(context: typer.Context) -> None:
     options: Options = context.obj
 
     async def body() -> BaseSnapshot:
-        from labmate.base import Base
-        from labmate.messages import DEFAULT_ADDRESS
+        from labmate.base.mobile_base import Base
+        from labmate.driver.messages import DEFAULT_ADDRESS
         from medusa.link import Line
 
         if options.sim:
@@ -114,7 +114,7 @@ def clear(context: typer.Context) -> None:
             return await base.clear()
 
     snapshot = options.run(body)
-    from labmate.messages import Flags
+    from labmate.driver.messages import Flags
 
     latched = bool(snapshot.flags & Flags.EMERGENCY_STOP)
     _show(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from medusa.console import Console
 
 if TYPE_CHECKING:
-    from labmate.base import Base
+    from labmate.base.mobile_base import Base
     from labmate.config import BaseConfig, CalibrationFile
     from labmate.simulation import SimulatedBase
 
@@ -82,7 +82,7 @@ class Options(Console):
     @asynccontextmanager
     async def base(self, *, to_stop: bool = False) -> AsyncIterator[tuple[Base, SimulatedBase | None]]:
         """The base, emulated or real, connected and at rest; `to_stop` it neither file is needed."""
-        from labmate.base import open_base
+        from labmate.base.mobile_base import open_base
         from medusa.errors import CommandError
 
         if self.sim and self.port is not None:

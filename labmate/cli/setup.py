@@ -11,7 +11,7 @@ from labmate.cli.options import DEFAULT_FILE, Options
 from labmate.cli.tables import pose_line, print_values, snapshot_document
 
 if TYPE_CHECKING:
-    from labmate.motion import BaseSnapshot
+    from labmate.base.checks import BaseSnapshot
 
 
 def register(app: typer.Typer) -> None:

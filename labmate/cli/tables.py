@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from medusa.console import print_table
 
 if TYPE_CHECKING:
-    from labmate.motion import BaseSnapshot, MotionReport
+    from labmate.base.checks import BaseSnapshot, MotionReport
 
 
 def print_values(title: str, document: Mapping[str, Any]) -> None:
@@ -24,8 +24,8 @@ def snapshot_document(snapshot: BaseSnapshot) -> dict[str, Any]:
     """A snapshot for JSON: m, degrees, V."""
     from math import degrees, sqrt
 
-    from labmate.messages import Flags
-    from labmate.motion import pressed
+    from labmate.base.checks import pressed
+    from labmate.driver.messages import Flags
     from labmate.square_report import pose_in_words
 
     spread = snapshot.covariance

@@ -16,10 +16,10 @@ from labmate.cli.tables import pose_line, snapshot_document
 from labmate.cli.watch import live_table
 
 if TYPE_CHECKING:
-    from labmate.base import Base
+    from labmate.base.checks import BaseSnapshot
+    from labmate.base.mobile_base import Base
+    from labmate.base.motion import Steering
     from labmate.keyboard import Keys
-    from labmate.motion import BaseSnapshot
-    from labmate.steering import Steering
 
 
 def register(app: typer.Typer) -> None:

@@ -14,7 +14,7 @@ from labmate.cli.tables import snapshot_document
 from medusa.console import make_table
 
 if TYPE_CHECKING:
-    from labmate.motion import BaseSnapshot
+    from labmate.base.checks import BaseSnapshot
 
 
 def register(app: typer.Typer) -> None:

@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from labmate.base import Base
+from labmate.base.mobile_base import Base
 from labmate.simulation import SimulatedBase, simulated_base
 
 

@@ -7,11 +7,11 @@ from math import degrees, radians
 import msgspec
 import pytest
 
-from labmate import messages as m
-from labmate.base import Base, open_base
+from labmate.base.checks import BaseSnapshot
+from labmate.base.mobile_base import Base, open_base
+from labmate.driver import messages as m
+from labmate.driver.messages import Ending, Mode
 from labmate.errors import MotionStopped, StalePose
-from labmate.messages import Ending, Mode
-from labmate.motion import BaseSnapshot
 from labmate.odometry import Pose
 from labmate.simulation import SimulatedBase
 from medusa.errors import CommandError, PortError

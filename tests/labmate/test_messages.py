@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labmate import messages as m
+from labmate.driver import messages as m
 from medusa.errors import CommandError, ProtocolError
 from medusa.link.frame import Message, decode_body, encode_frame
 from tests import protocol_page

@@ -8,10 +8,10 @@ from math import degrees, radians
 import msgspec
 import pytest
 
-from labmate import messages as m
-from labmate.base import Base
+from labmate.base.mobile_base import Base
+from labmate.driver import messages as m
+from labmate.driver.messages import BaseEvent, Ending, Flags, Mode
 from labmate.errors import BatteryLow, MotionStopped, StopNotConfirmed
-from labmate.messages import BaseEvent, Ending, Flags, Mode
 from labmate.odometry import Pose
 from labmate.simulation import SimulatedBase, simulated_base
 from medusa.errors import CommandError, DeviceFault, DeviceRestarted, MedusaError

@@ -7,8 +7,8 @@ from math import radians
 
 import pytest
 
-from labmate import messages as m
-from labmate.messages import BaseEvent, Ending, Flags, Limits, Message, Mode
+from labmate.driver import messages as m
+from labmate.driver.messages import BaseEvent, Ending, Flags, Limits, Message, Mode
 from labmate.simulation import SimulatedBase, simulated_base
 from medusa.errors import CommandError, NoReply
 from medusa.link import Event, Line, Operation, Session

@@ -10,10 +10,10 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from labmate import messages as m
 from labmate.config import BaseConfig
+from labmate.driver import messages as m
+from labmate.driver.messages import HelloPart
 from labmate.errors import StopNotConfirmed
-from labmate.messages import HelloPart
 from medusa.errors import DeviceFault, DeviceRestarted, MedusaError, NoReply, PortError
 from medusa.link import Event, Hello, Line, Operation, Session
 

@@ -6,9 +6,9 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from labmate import messages as m
-from labmate.connection import Connection
-from labmate.motion import MAX_POSE_AGE, BaseSnapshot
+from labmate.base.checks import MAX_POSE_AGE, BaseSnapshot
+from labmate.driver import messages as m
+from labmate.driver.connection import Connection
 from labmate.odometry import START, Odometry, OdometryNoise, Pose, WheelGeometry
 from medusa.errors import CommandError, DeviceSilent, NoReply
 

@@ -13,12 +13,12 @@ import logging
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from labmate.base.checks import MAX_VALID, BaseSnapshot, check_drive
 from labmate.errors import MotionStopped
-from labmate.motion import MAX_VALID, BaseSnapshot, check_drive
 from medusa.errors import CommandError, MedusaError
 
 if TYPE_CHECKING:
-    from labmate.base import Base
+    from labmate.base.mobile_base import Base
 
 _LOG = logging.getLogger(__name__)
 

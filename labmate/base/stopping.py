@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import logging
 
-from labmate import messages as m
-from labmate.connection import Connection
+from labmate.base.checks import BaseSnapshot
+from labmate.base.readings import Readings
+from labmate.driver import messages as m
+from labmate.driver.connection import Connection
+from labmate.driver.messages import Flags
 from labmate.errors import StopNotConfirmed
-from labmate.messages import Flags
-from labmate.motion import BaseSnapshot
-from labmate.readings import Readings
 from medusa.errors import CommandError, DeviceRestarted, DeviceSilent, MedusaError, NoReply, PortError
 
 _LOG = logging.getLogger(__name__)

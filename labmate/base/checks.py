@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import cos, degrees, isfinite, sin
 from typing import Literal
 
+from labmate.driver.messages import Bumper, Ending, Flags, Limits, Mode
 from labmate.errors import StalePose
-from labmate.messages import Bumper, Ending, Flags, Limits, Mode
 from labmate.odometry import Covariance, Pose
 from medusa.errors import CommandError
 

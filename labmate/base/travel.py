@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 
-from labmate import messages as m
-from labmate.connection import Connection
+from labmate.base.checks import BaseSnapshot, Kind, MotionReport, check_free_way, travelled
+from labmate.base.readings import Readings, later
+from labmate.driver import messages as m
+from labmate.driver.connection import Connection
+from labmate.driver.messages import BaseEvent, Bumper, Ending, Flags, Mode
 from labmate.errors import BatteryLow, MotionStopped, out_of_reach
-from labmate.messages import BaseEvent, Bumper, Ending, Flags, Mode
-from labmate.motion import BaseSnapshot, Kind, MotionReport, check_free_way, travelled
 from labmate.odometry import Pose
-from labmate.readings import Readings, later
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply, PortError, ProtocolError
 
 _LOG = logging.getLogger(__name__)

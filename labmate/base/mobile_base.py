@@ -9,14 +9,8 @@ from contextlib import asynccontextmanager
 from types import TracebackType
 from typing import Self
 
-from labmate import messages as m
-from labmate import stopping
-from labmate.calibration import Calibration
-from labmate.config import BaseConfig, CalibrationFile, OdometryConfig, read_calibration
-from labmate.connection import Connection
-from labmate.errors import MotionStopped, out_of_reach
-from labmate.messages import BaseEvent, Bumper, HelloPart, Limits
-from labmate.motion import (
+from labmate.base import stopping
+from labmate.base.checks import (
     MAX_VALID,
     BaseSnapshot,
     Kind,
@@ -26,10 +20,16 @@ from labmate.motion import (
     check_free_way,
     stop_seconds,
 )
+from labmate.base.motion import Steering
+from labmate.base.readings import Readings
+from labmate.base.travel import Travel
+from labmate.calibration import Calibration
+from labmate.config import BaseConfig, CalibrationFile, OdometryConfig, read_calibration
+from labmate.driver import messages as m
+from labmate.driver.connection import Connection
+from labmate.driver.messages import BaseEvent, Bumper, HelloPart, Limits
+from labmate.errors import MotionStopped, out_of_reach
 from labmate.odometry import OdometryNoise, Pose, WheelGeometry
-from labmate.readings import Readings
-from labmate.steering import Steering
-from labmate.travel import Travel
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, ProtocolError
 from medusa.link import Event, Line, Trace
 
