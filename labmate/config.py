@@ -15,12 +15,15 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from labmate.base.driver import Limits
 from labmate.calibration import Calibration
-from labmate.driver.messages import Limits
 from labmate.odometry import OdometryNoise
 from medusa.errors import ConfigError
 from medusa.files.configuration import parse, read_text
 from medusa.files.replace_file import replace_file
+
+Machine = Literal["labmate"]
+"""Which base a configuration is for: a row of `labmate.machines`."""
 
 
 class PortConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -47,7 +50,7 @@ class SafetyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class OdometryConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far the reckoning is trusted; the last two hold for a base that is not calibrated."""
+    """Uncertainty of the reckoning; the last two hold for a base that is not calibrated."""
 
     wheel_noise_mm: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
     wheel_base_deviation_mm: Annotated[float, Meta(ge=0.0, le=100.0)] = 3.0
@@ -71,14 +74,15 @@ class BaseConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     limits: LimitsConfig
     safety: SafetyConfig
+    machine: Machine = "labmate"
     port: PortConfig = PortConfig()
     odometry: OdometryConfig = OdometryConfig()
     calibration: str | None = None
     file: str | None = None
 
     @property
-    def wire_limits(self) -> Limits:
-        """The limits in SI units, as the base takes them."""
+    def motion_limits(self) -> Limits:
+        """The limits in SI units."""
         c = self.limits
         return Limits(
             c.speed_m_s,
@@ -105,7 +109,7 @@ class CalibrationTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class NominalTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the base says of itself; a calibration belongs to one base."""
+    """What the base reports of itself; a calibration belongs to one base."""
 
     wheel_base_mm: Annotated[float, Meta(ge=50.0, le=2000.0)]
     counts_per_metre: Annotated[int, Meta(ge=1)]

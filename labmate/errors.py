@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from medusa.errors import CommandError, DeviceFault, DeviceRestarted, HostGap, MedusaError, Origin
+from medusa.errors import CommandError, DeviceFault, MedusaError, Origin
 
 if TYPE_CHECKING:
-    from labmate.base.checks import MotionReport
+    from labmate.base.report import MotionReport
 
 
 class MotionStopped(DeviceFault):
-    """A motion ended before its goal, or steering was taken away; `reason` is one word or two.
+    """A motion ended before its goal, or by something else than its program; `reason` is one word or two.
 
-    `report` is there for a GO or TURN whose end the base told (None otherwise).
+    `report` is there for a GO or TURN whose end the base reported (None otherwise).
     """
 
     def __init__(self, message: str, *, reason: str, report: MotionReport | None = None) -> None:
@@ -22,16 +22,8 @@ class MotionStopped(DeviceFault):
         self.report = report
 
 
-def out_of_reach(error: MedusaError) -> MotionStopped:
-    """What a lost line, a restart or a gap in feeding means for whatever was moving."""
-    reasons: dict[type[MedusaError], str] = {DeviceRestarted: "restart", HostGap: "watchdog"}
-    stopped = MotionStopped(f"the motion ended: {error}", reason=reasons.get(type(error), "line lost"))
-    stopped.__cause__ = error
-    return stopped
-
-
 class StopNotConfirmed(DeviceFault):
-    """The base was told to stop and did not say that it stands."""
+    """The base was told to stop and was not read at rest afterwards."""
 
 
 class StalePose(MedusaError):

@@ -77,7 +77,7 @@ class WheelGeometry:
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """How far the reckoning may be trusted.
+    """Uncertainty of the reckoning.
 
     `wheel`: k in m^½, the standard deviation of a wheel's way after one metre. `wheel_base` (m) and
     `wheel_ratio`: standard deviations of the two constants.
@@ -93,6 +93,9 @@ class OdometryNoise:
             if not 0.0 <= value < float("inf"):
                 raise ValueError(f"the deviation {name} must be finite and not negative, it is {value}")
 
+
+UNCALIBRATED = OdometryNoise(1e-3, 3e-3, 2e-3)
+"""A base known only by its data sheet."""
 
 Row = tuple[float, float, float]
 Covariance = tuple[Row, Row, Row]

@@ -13,7 +13,7 @@ from labmate.driver.messages import POWER_UP_LIMITS
 from labmate.odometry import Pose, WheelGeometry
 
 if TYPE_CHECKING:
-    from labmate.base.mobile_base import Base
+    from labmate.base.mobile_base import MobileBase
     from labmate.config import CalibrationFile
     from medusa.link import Trace
     from sim_devices.bench import Bench
@@ -63,9 +63,10 @@ class SimulatedBase:
         calibration: CalibrationFile | None = None,
         trace: Trace | None = None,
         poll_period: float = 0.25,
-    ) -> AbstractAsyncContextManager[Base]:
+        suspended: Callable[[], float] = lambda: 0.0,
+    ) -> AbstractAsyncContextManager[MobileBase]:
         """Connect to it as to a real one; the same seed gives the same bytes."""
-        from labmate.base.mobile_base import open_base
+        from labmate.machines import open_base
 
         return open_base(
             self.port,
@@ -75,6 +76,7 @@ class SimulatedBase:
             poll_period=poll_period,
             seed=self.seed,
             name="the simulated base",
+            suspended=suspended,
         )
 
     def true_pose(self) -> Pose:

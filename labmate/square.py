@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan2, hypot, inf, pi
 
-from labmate.base.checks import BaseSnapshot
-from labmate.base.mobile_base import Base
+from labmate.base.mobile_base import MobileBase
+from labmate.base.reading import BaseReading
 from labmate.calibration import (
     DIRECTIONS,
     Calibration,
@@ -29,13 +29,13 @@ _NO_NOISE = OdometryNoise(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a square is: leg `done` of `of` has just ended, or is under way when a snapshot comes along."""
+    """How far a square is: leg `done` of `of` has just ended, or is under way when a reading comes along."""
 
     direction: Direction
     calibrated: bool
     done: int
     of: int
-    snapshot: BaseSnapshot
+    reading: BaseReading
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def aim(pose: Pose, corner: tuple[float, float], drift: float) -> tuple[float, f
 
 
 async def drive_square(
-    base: Base,
+    base: MobileBase,
     direction: Direction,
     side: float,
     *,
@@ -118,27 +118,30 @@ async def drive_square(
     sign = 1.0 if direction == "ccw" else -1.0
     track: list[tuple[int, int]] = []
     true_path: list[Pose] = []
-    geometry = base.readings.geometry
+    nominal = base.wheels
+    geometry = base.geometry
     if calibration is not None:
-        geometry = calibration.geometry(base.hello.counts_per_metre)
+        geometry = calibration.geometry(nominal.counts_per_metre)
     odometry = Odometry(geometry, _NO_NOISE)
     legs = 8 if calibration is None else 9
     done = 0
     origin = true_pose() if true_pose is not None else START
 
-    def record(snapshot: BaseSnapshot) -> None:
-        counts = (snapshot.left_counts, snapshot.right_counts)
+    def record(reading: BaseReading) -> None:
+        if reading.counts is None:
+            return
+        counts = (reading.counts.left, reading.counts.right)
         if not track or track[-1] != counts:
             track.append(counts)
             odometry.step(*counts)
             if true_pose is not None:
                 true_path.append(true_pose().seen_from(origin))
         if progress is not None:
-            progress(Progress(direction, calibration is not None, done, legs, snapshot))
+            progress(Progress(direction, calibration is not None, done, legs, reading))
 
-    forget = base.readings.observe(record)
+    forget = base.observe(record)
     try:
-        started = (await base.snapshot()).time
+        started = (await base.read()).time
         if calibration is None:
             for _ in range(4):
                 await base.go(side)
@@ -146,7 +149,7 @@ async def drive_square(
                 await base.turn(sign * 0.5 * pi)
                 done += 1
         else:
-            turn_scale = calibration.wheel_base / base.hello.wheel_base
+            turn_scale = calibration.wheel_base / nominal.wheel_base
             for corner in ((side, 0.0), (side, sign * side), (0.0, sign * side), (0.0, 0.0)):
                 heading, way = aim(odometry.pose, corner, geometry.drift)
                 await base.turn(turn_scale * wrapped(heading - odometry.pose.heading))
@@ -155,7 +158,7 @@ async def drive_square(
                 done += 1
             await base.turn(turn_scale * wrapped(-odometry.pose.heading))
             done += 1
-        ended = await base.snapshot()
+        ended = await base.read()
     finally:
         forget()
     if true_pose is not None:
@@ -185,7 +188,7 @@ def calibrate(
 
 
 async def run_experiment(
-    base: Base,
+    base: MobileBase,
     side: float,
     true_pose: TruePose,
     *,
@@ -197,7 +200,7 @@ async def run_experiment(
         await drive_square(base, direction, side, true_pose=true_pose, progress=progress)
         for direction in DIRECTIONS
     ]
-    nominal = WheelGeometry(base.hello.wheel_base, 1.0, base.hello.counts_per_metre)
+    nominal = base.wheels
     found = calibrate([(run, true_end(run)) for run in uncalibrated], nominal, witness_deviation)
     calibrated = [
         await drive_square(base, direction, side, calibration=found, true_pose=true_pose, progress=progress)

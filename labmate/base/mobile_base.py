@@ -1,248 +1,252 @@
-"""The base as a program sees it: metres, radians, and a machine that stands when the program is gone."""
+"""A mobile base as a program drives it: metres, radians, and a machine at rest when the program is gone."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Coroutine
+from math import isfinite
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from labmate.base import stopping
-from labmate.base.checks import (
-    MAX_VALID,
-    BaseSnapshot,
-    Kind,
-    MotionReport,
-    bumpers_in_words,
-    check_drive,
-    check_free_way,
-    stop_seconds,
-)
-from labmate.base.motion import Steering
+from labmate.base.checks import check_twist
+from labmate.base.driver import BaseDriver, Capabilities, Kind, Limits
+from labmate.base.events import Event, LowBattery, Stopped
+from labmate.base.motion import Motion
+from labmate.base.reading import BaseReading
 from labmate.base.readings import Readings
+from labmate.base.report import MotionReport
 from labmate.base.travel import Travel
 from labmate.calibration import Calibration
-from labmate.config import BaseConfig, CalibrationFile, OdometryConfig, read_calibration
-from labmate.driver import messages as m
-from labmate.driver.connection import Connection
-from labmate.driver.messages import BaseEvent, Bumper, HelloPart, Limits
-from labmate.errors import MotionStopped, out_of_reach
-from labmate.odometry import OdometryNoise, Pose, WheelGeometry
-from medusa.errors import CommandError, DeviceRestarted, MedusaError, ProtocolError
-from medusa.link import Event, Line, Trace
+from labmate.errors import MotionStopped
+from labmate.odometry import UNCALIBRATED, Odometry, OdometryNoise, Pose, WheelGeometry
+from medusa.errors import CommandError, DeviceFault, DeviceRestarted, MedusaError
 
 _LOG = logging.getLogger(__name__)
 
 _UNKNOWN_RAMP = 5.0
 """Time for a stop (s) when the limits are not ours: an earlier host may have set a slow ramp."""
+_FASTEST_READINGS_HZ = 50.0
 
 
-class Base:
-    """A Labmate base: `async with Base(line, config) as base`. Leaving it leaves the base standing.
+class MobileBase:
+    """A mobile base: `async with MobileBase(driver) as base`. Leaving it leaves the base at rest, confirmed.
 
-    Without a configuration it can be read and stopped, not moved. Raises PortError (no base there, line gone),
-    CommandError (refused, nothing moved), MotionStopped (bumper, emergency stop, stall, watchdog, STOP, lost
-    line, restart), StopNotConfirmed, StalePose.
+    `calibration`, `noise`: what the host's odometry reckons with, where the driver counts wheels; without a
+    calibration with what the base reports of itself. `poll_period`: how often a GO or TURN under way is read, s.
+
+    Raises PortError (no base there, line gone), CommandError (refused, nothing moved), MotionStopped (bumper,
+    emergency stop, stall, watchdog, STOP, lost line, restart), StopNotConfirmed, StalePose.
     """
 
     def __init__(
         self,
-        line: Line,
-        config: BaseConfig | None,
+        driver: BaseDriver,
         *,
-        path: str = "the line",
-        address: int | None = None,
-        calibration: CalibrationFile | None = None,
+        calibration: Calibration | None = None,
+        noise: OdometryNoise = UNCALIBRATED,
         poll_period: float = 0.25,
     ) -> None:
-        if address is None:
-            address = config.port.address if config is not None else m.DEFAULT_ADDRESS
-        self.connection = Connection(
-            line, path, config, address, on_event=self._take_event, on_trouble=self._take_trouble
-        )
-        self.config = config
+        self.driver = driver
+        self.calibration = calibration
         self.poll_period = poll_period
-        """How often a GO or TURN under way is looked at, s."""
-        self._calibration = calibration
-        self._hello: HelloPart | None = None
+        self._noise = noise
         self._readings: Readings | None = None
-        self._listeners: list[Callable[[int, BaseEvent], None]] = []
-        self._travel: Travel | None = None
-        self._steering: Steering | None = None
+        self._motion: Motion | Travel | None = None
+        self._lost: MedusaError | None = None
+        self._unsubscribe: Callable[[], None] = lambda: None
 
     async def __aenter__(self) -> Self:
-        if self._calibration is None and self.config is not None and self.config.calibration_path is not None:
-            self._calibration = read_calibration(self.config.calibration_path)
-        self._hello = await self.connection.open()
+        await self.driver.open()
+        self._unsubscribe = self.driver.subscribe(self._take_event)
         try:
-            self._readings = Readings(self.connection, *self._geometry_and_noise(self._hello))
-            await self.snapshot()
+            self._readings = Readings(self.driver, self._new_odometry())
+            await self.read()
         except BaseException:
-            await self.connection.close(standing=True)
+            self._unsubscribe()
+            await self.driver.close(at_rest=True)
             raise
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        standing = False
+        at_rest = False
         try:
             await self.stop()
-            standing = True
+            at_rest = True
         except MedusaError as failed:
             if error is None or isinstance(error, asyncio.CancelledError):
                 raise
             error.add_note(str(failed))
         finally:
-            await self.connection.close(standing=standing)
+            self._unsubscribe()
+            await self.driver.close(at_rest=at_rest)
 
     @property
-    def hello(self) -> HelloPart:
-        """Nominal wheel base and counts per metre."""
-        if self._hello is None:
-            raise CommandError("the base is not open")
-        return self._hello
-
-    @property
-    def readings(self) -> Readings:
-        """The snapshots, the odometry, and who watches them."""
-        if self._readings is None:
-            raise CommandError("the base is not open")
-        return self._readings
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """What the host's odometry was calibrated to; None: it reckons with what the base says of itself."""
-        return None if self._calibration is None else self._calibration.value
+    def can(self) -> Capabilities:
+        """What the machine can do."""
+        return self.driver.can
 
     @property
     def limits(self) -> Limits:
         """The configured limits; raises CommandError without a configuration."""
-        if self.config is None:
+        if self.driver.limits is None:
             raise CommandError(
                 "motion needs a configuration with limits and watchdog (--config); labmate-drive init writes one"
             )
-        return self.config.wire_limits
+        return self.driver.limits
 
-    async def snapshot(self) -> BaseSnapshot:
-        """Pose, encoders and status now."""
-        return await self.readings.snapshot()
+    @property
+    def wheels(self) -> WheelGeometry:
+        """The wheels as the base itself computes with them; raises CommandError where it counts none."""
+        if self.driver.wheels is None:
+            raise CommandError(f"{self.driver.name} counts no wheels, or is not open")
+        return self.driver.wheels
 
-    async def snapshots(self, rate_hz: float) -> AsyncIterator[BaseSnapshot]:
-        """A stream of snapshots; a line that repeats makes it late, never double."""
-        if not 0.0 < rate_hz <= 50.0:
-            raise CommandError(f"snapshots come at up to 50 Hz, not at {rate_hz}")
+    @property
+    def geometry(self) -> WheelGeometry:
+        """The wheels with which the host's odometry reckons: calibrated, if the base is."""
+        return (
+            self.wheels
+            if self.calibration is None
+            else self.calibration.geometry(self.wheels.counts_per_metre)
+        )
+
+    async def read(self) -> BaseReading:
+        """Read pose, speed and state now."""
+        return await self._open_readings.read()
+
+    async def readings(self, rate_hz: float) -> AsyncIterator[BaseReading]:
+        """A stream of readings; a line that repeats makes it late, never double."""
+        if not 0.0 < rate_hz <= _FASTEST_READINGS_HZ:
+            raise CommandError(f"readings come at up to {_FASTEST_READINGS_HZ:.0f} Hz, not at {rate_hz}")
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
-            yield await self.snapshot()
+            yield await self.read()
             due = max(due + 1.0 / rate_hz, loop.time())
             await asyncio.sleep(due - loop.time())
 
-    def listen(self, callback: Callable[[int, BaseEvent], None]) -> Callable[[], None]:
-        """Call back with every event's operation and content; returns what ends it."""
-        self._listeners.append(callback)
-        return lambda: self._listeners.remove(callback)
+    def steerable(self) -> BaseReading:
+        """The latest reading; raises StalePose when it is older than 200 ms."""
+        return self._open_readings.steerable()
+
+    def observe(self, callback: Callable[[BaseReading], None]) -> Callable[[], None]:
+        """Call back with every reading, whoever asked for it; returns what ends it."""
+        return self._open_readings.observe(callback)
+
+    def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Call back with everything that the base reports on its own; returns what ends it."""
+        return self.driver.subscribe(callback)
 
     async def go(self, distance: float) -> MotionReport:
         """Drive straight by `distance` m (negative: backwards); cancelling it stops the base."""
-        return await self._move("GO", distance)
+        return await self._travel("GO", distance)
 
     async def turn(self, angle: float) -> MotionReport:
         """Turn on the spot by `angle` rad (positive: left); cancelling it stops the base."""
-        return await self._move("TURN", angle)
+        return await self._travel("TURN", angle)
 
-    async def drive(
-        self, speed: float, turn_rate: float, valid: float = MAX_VALID, *, steering: Steering | None = None
+    def motion(self, hold: float = 0.5) -> Motion:
+        """Drive by twists while the calling task lives, each held for at most `hold` s."""
+        return Motion(self, hold)
+
+    async def twist(
+        self, speed: float, turn_rate: float, valid: float | None = None, *, motion: Motion | None = None
     ) -> None:
-        """One DRIVE at `speed` m/s and `turn_rate` rad/s, valid for at most 0.3 s; then the base ramps down."""
-        check_drive(self.limits, speed, turn_rate, valid)
-        self.connection.require_ready()
-        if self._steering is not steering:
-            raise CommandError("somebody else steers the base")
-        try:
-            await self.connection.request(m.DRIVE, m.Drive(speed, turn_rate, valid).encode())
-        except CommandError as error:
-            if error.status in (8, 9):
-                check_free_way("DRIVE", (await self.snapshot()).flags, speed, turn_rate)
-            raise
-
-    def steer(self, hold: float = 0.5) -> Steering:
-        """Keep a DRIVE alive while the calling task lives, each command for at most `hold` s."""
-        return Steering(self, hold)
+        """One twist at `speed` m/s and `turn_rate` rad/s for `valid` s (at most, and unless given, `can.expires`)."""
+        valid = self.can.expires if valid is None else valid
+        check_twist(self.limits, self.can.expires, speed, turn_rate, valid)
+        self.require_ready()
+        if self._motion is not motion:
+            raise CommandError("the base is already being moved: one motion at a time")
+        await self.driver.twist(speed, turn_rate, valid)
 
     async def set_pose(self, pose: Pose) -> None:
-        """Tell the standing base, and the host's odometry, where it is."""
-        await self.connection.request(m.SET_POSE, m.SetPose(pose.x, pose.y, pose.heading).encode())
-        self.readings.restart_odometry(pose)
-        await self.snapshot()
+        """Set the pose of the base, at rest, and of the host's odometry."""
+        await self.driver.set_pose(pose)
+        self._open_readings.restart_odometry(pose)
+        await self.read()
 
-    async def stop(self) -> BaseSnapshot:
+    async def stop(self) -> BaseReading:
         """Ramp to a stop and confirm it by reading back.
 
         Raises StopNotConfirmed, after sending an emergency stop where the line still takes one.
         """
-        self._revoke("stop", "STOP was called")
-        ramp = _UNKNOWN_RAMP if self.config is None else stop_seconds(self.config.wire_limits)
-        return await stopping.stop(self.connection, self.readings, ramp)
+        limits = self.driver.limits
+        ramp = _UNKNOWN_RAMP if limits is None else limits.stop_seconds
+        return await self._end_motion(
+            "stop", "STOP was called", stopping.stop(self.driver, self._open_readings, ramp)
+        )
 
-    async def emergency_stop(self) -> BaseSnapshot:
+    async def emergency_stop(self) -> BaseReading:
         """Stop at once, latch it and confirm it; raises StopNotConfirmed."""
-        self._revoke("emergency stop", "emergency stop was called")
-        return await stopping.emergency_stop(self.connection, self.readings)
+        stop = stopping.emergency_stop(self.driver, self._open_readings)
+        return await self._end_motion("emergency stop", "emergency stop was called", stop)
 
-    async def clear(self) -> BaseSnapshot:
-        """Release a latched emergency stop; what is left is in the snapshot's flags. Nothing moves."""
-        await self.connection.session.clear()
-        return await self.snapshot()
+    async def clear(self) -> BaseReading:
+        """Release a latched emergency stop; what is left is in the reading. Nothing moves."""
+        await self.driver.clear()
+        return await self.read()
 
-    async def recover(self) -> BaseSnapshot:
-        """Make the base fit to move again after a lost line or a restart.
+    async def recover(self) -> BaseReading:
+        """Make the base fit to move again after a lost line, a restart or a gap.
 
         After a restart the base reckons from where it lost its memory, and so does the host from now on.
         """
-        restarted = self.connection.restarted
-        self._hello = await self.connection.recover()
-        snapshot = await self.snapshot()
+        await self.driver.open()
+        restarted = isinstance(self._lost, DeviceRestarted)
+        self._lost = None
+        _LOG.info("%s: the base is ready again", self.driver.name)
+        reading = await self.read()
         if restarted:
-            self.readings.restart_odometry(snapshot.pose)
-            snapshot = await self.snapshot()
-        return snapshot
+            self._open_readings.restart_odometry(reading.own_pose)
+            reading = await self.read()
+        return reading
 
-    def begin_steering(self, steering: Steering) -> None:
-        """Give the wheel to one steering; raises CommandError when it is taken."""
-        self._require_free()
-        self._steering = steering
+    def require_ready(self) -> None:
+        """Raise what has made motion impossible since the driver was opened."""
+        if isinstance(self._lost, DeviceRestarted):
+            raise DeviceRestarted(
+                f"{self._lost}; its pose is invalid: recover() before it moves",
+                before=self._lost.before,
+                now=self._lost.now,
+            ) from self._lost
+        if self._lost is not None:
+            raise DeviceFault(f"{self._lost}; recover() before it moves") from self._lost
 
-    def end_steering(self, steering: Steering) -> None:
-        """Take the wheel back."""
-        if self._steering is steering:
-            self._steering = None
+    def begin(self, motion: Motion | Travel) -> None:
+        """Give the base to one motion; raises CommandError when it is taken."""
+        _ = self.limits
+        self.require_ready()
+        if self._motion is not None:
+            raise CommandError("the base is already being moved: one motion at a time")
+        self._motion = motion
 
-    async def _move(self, kind: Kind, commanded: float) -> MotionReport:
-        self._require_free()
-        travel = Travel(kind, commanded, self.connection, self.readings, self.poll_period)
-        self._travel = travel
+    def end(self, motion: Motion | Travel) -> None:
+        """Take the base back."""
+        if self._motion is motion:
+            self._motion = None
+
+    async def _travel(self, kind: Kind, amount: float) -> MotionReport:
+        if not isfinite(amount):
+            raise CommandError(f"{kind} needs a finite number, not {amount}")
+        travel = Travel(kind, amount, self.driver, self._open_readings, self.poll_period)
+        self.begin(travel)
         try:
             return await travel.run()
         except MotionStopped:
-            # It stands, or it is out of reach and its watchdog stops it.
+            # It is at rest, or out of reach and its watchdog stops it.
             raise
         except BaseException:
-            # Cancelled, or it may have begun unseen: nobody would watch it.
+            # Cancelled, or it may have begun unnoticed: nobody would watch it.
             if travel.may_move:
                 await self._stop_quietly()
             raise
         finally:
-            self._travel = None
-
-    def _require_free(self) -> None:
-        _ = self.limits
-        self.connection.require_ready()
-        if self._travel is not None or self._steering is not None:
-            raise CommandError("the base is already being moved: one motion at a time")
+            self.end(travel)
 
     async def _stop_quietly(self) -> None:
         try:
@@ -250,69 +254,34 @@ class Base:
         except MedusaError as error:
             _LOG.error("%s", error)
 
-    def _take_event(self, event: Event) -> None:
-        try:
-            content = BaseEvent.decode(event.payload)
-        except ProtocolError as error:
-            _LOG.error("event %02XH: %s", event.operation, error)
-            return
-        _LOG.info("%s, detail %d", m.EVENT_NAMES.get(event.operation, "unknown event"), content.detail)
-        if self._travel is not None:
-            self._travel.take_event(event.operation, content)
-        if event.operation == m.EVENT_BUMPER:
-            self._revoke("bumper", f"the {bumpers_in_words(Bumper(content.detail))} bumper was pressed")
-        elif event.operation == m.EVENT_EMERGENCY_STOP:
-            self._revoke("emergency stop", "emergency stop")
-        elif event.operation == m.EVENT_WATCHDOG:
-            self._revoke("watchdog", "the base's watchdog expired")
-        elif event.operation == m.EVENT_STALLED:
-            self._revoke("stalled", "the wheels stalled")
-        elif event.operation == m.EVENT_BATTERY_LOW:
-            _LOG.warning("the battery is low: no new GO is begun")
-        for listener in list(self._listeners):
-            listener(event.operation, content)
+    async def _end_motion(
+        self, reason: str, words: str, stop: Coroutine[Any, Any, BaseReading]
+    ) -> BaseReading:
+        if self._motion is not None:
+            self._motion.stop_called(MotionStopped(f"the motion ended: {words}", reason=reason))
+        return await stop
 
-    def _take_trouble(self, error: MedusaError) -> None:
+    @property
+    def _open_readings(self) -> Readings:
+        if self._readings is None:
+            raise CommandError("the base is not open")
+        return self._readings
+
+    def _new_odometry(self) -> Odometry | None:
+        return None if self.driver.wheels is None else Odometry(self.geometry, self._noise)
+
+    def _take_event(self, event: Event) -> None:
+        if isinstance(event, LowBattery):
+            _LOG.warning("the battery is low: no new GO is begun")
+        if isinstance(event, Stopped) and event.error is not None:
+            self._lose(event.error)
+            if self._motion is not None:
+                self._motion.fail(event.ending())
+        elif self._motion is not None:
+            self._motion.take_event(event)
+
+    def _lose(self, error: MedusaError) -> None:
+        if not isinstance(self._lost, DeviceRestarted):
+            self._lost = error
         if isinstance(error, DeviceRestarted) and self._readings is not None:
             self._readings.restart_odometry()
-        stopped = out_of_reach(error)
-        if self._steering is not None:
-            self._steering.revoke(stopped)
-        if self._travel is not None:
-            self._travel.fail(stopped)
-
-    def _revoke(self, reason: str, told: str) -> None:
-        if self._steering is not None:
-            self._steering.revoke(MotionStopped(f"steering ended: {told}", reason=reason))
-
-    def _geometry_and_noise(self, hello: HelloPart) -> tuple[WheelGeometry, OdometryNoise]:
-        trust = OdometryConfig() if self.config is None else self.config.odometry
-        counts = float(hello.counts_per_metre)
-        if self._calibration is None:
-            return WheelGeometry(hello.wheel_base, 1.0, counts), trust.uncalibrated
-        self._calibration.check_belongs_to(hello.wheel_base, hello.counts_per_metre)
-        value = self._calibration.value
-        return value.geometry(counts), value.noise(trust.wheel_noise)
-
-
-@asynccontextmanager
-async def open_base(
-    path: str,
-    config: BaseConfig | None,
-    *,
-    calibration: CalibrationFile | None = None,
-    trace: Trace | None = None,
-    poll_period: float = 0.25,
-    seed: int | None = None,
-    name: str | None = None,
-) -> AsyncIterator[Base]:
-    """Open a line with one base on it, and the base; leaving it leaves the base standing.
-
-    `name`: what messages call it (default: the path). `seed`: for repeatable runs against an emulator.
-    """
-    baud = 115200 if config is None else config.port.baud
-    async with (
-        Line(path, baud=baud, trace=trace, name="labmate", seed=seed) as line,
-        Base(line, config, path=name or path, calibration=calibration, poll_period=poll_period) as base,
-    ):
-        yield base

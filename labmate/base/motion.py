@@ -1,9 +1,9 @@
-"""Steering with DRIVE: a command lives as long as the task that gave it, and never long.
+"""Driving by twists: a command lives as long as the task that gave it, and never long.
 
-Three deadlines lie inside each other. The device lets a DRIVE run out after 300 ms. The feeder renews it every
-100 ms, but only while the owner's task lives and for `hold` after the owner last said something. Whatever
-stops the base (bumper, emergency stop, stall, watchdog, a lost line, a restart, STOP) takes the steering away
-for good: a new one has to be asked for.
+Three deadlines lie inside each other. The machine lets a twist run out after `can.expires`. It is renewed three
+times as often, but only while the task that opened the motion lives and for `hold` after that task last gave a
+twist. Whatever stops the base (bumper, emergency stop, stall, watchdog, a lost line, a restart, STOP) ends the
+motion for good: a new one has to be asked for.
 """
 
 from __future__ import annotations
@@ -13,106 +13,121 @@ import logging
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from labmate.base.checks import MAX_VALID, BaseSnapshot, check_drive
+from labmate.base.checks import check_twist
+from labmate.base.events import Event, Stopped
+from labmate.base.reading import BaseReading
 from labmate.errors import MotionStopped
 from medusa.errors import CommandError, MedusaError
 
 if TYPE_CHECKING:
-    from labmate.base.mobile_base import Base
+    from labmate.base.mobile_base import MobileBase
 
 _LOG = logging.getLogger(__name__)
 
-RENEW_PERIOD = 0.1
+_RENEWALS = 3
+"""Twists within the validity of one, so that a lost frame and its repeats do not interrupt the motion."""
+SHORTEST_HOLD, LONGEST_HOLD = 0.1, 2.0
 
 
-class Steering:
-    """`async with base.steer() as steering: steering.set(speed, turn_rate)`; leaving it stops the base."""
+class Motion:
+    """`async with base.motion() as motion: motion.twist(speed, turn_rate)`; leaving it stops the base."""
 
-    def __init__(self, base: Base, hold: float) -> None:
-        if not RENEW_PERIOD <= hold <= 2.0:
-            raise CommandError(f"a steering command may be held for {RENEW_PERIOD} to 2 s, not {hold} s")
+    def __init__(self, base: MobileBase, hold: float) -> None:
+        if not SHORTEST_HOLD <= hold <= LONGEST_HOLD:
+            raise CommandError(f"a twist may be held for {SHORTEST_HOLD} to {LONGEST_HOLD:g} s, not {hold} s")
         self._base = base
         self._hold = hold
-        self._command: tuple[float, float] | None = None
+        self._twist: tuple[float, float] | None = None
         self._given_at = 0.0
         self._changed = asyncio.Event()
-        self._failure: MedusaError | None = None
-        self._told = False
-        self._feeder: asyncio.Task[None] | None = None
-        self._owner: asyncio.Task[object] | None = None
+        self._failure: MotionStopped | None = None
+        self._reported = False
+        self._renewing: asyncio.Task[None] | None = None
+        self._opened_by: asyncio.Task[object] | None = None
 
     async def __aenter__(self) -> Self:
-        self._owner = asyncio.current_task()
-        self._base.begin_steering(self)
-        self._feeder = asyncio.get_running_loop().create_task(self._feed())
+        self._opened_by = asyncio.current_task()
+        self._base.begin(self)
+        self._renewing = asyncio.get_running_loop().create_task(self._renew())
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        if self._feeder is not None:
-            self._feeder.cancel()
-        self._base.end_steering(self)
+        if self._renewing is not None:
+            self._renewing.cancel()
+        self._base.end(self)
         try:
             await self._base.stop()
         except MedusaError:
-            # A lost line says so by itself; what took the steering away is the better story.
+            # A lost line is reported by itself; what ended the motion is the better account.
             if self._failure is None and (error is None or isinstance(error, asyncio.CancelledError)):
                 raise
-            _LOG.warning("the stop after steering was not confirmed", exc_info=True)
-        if self._failure is not None and error is None and not self._told:
+            _LOG.warning("the stop after a motion was not confirmed", exc_info=True)
+        if self._failure is not None and error is None and not self._reported:
             raise self._failure
 
     @property
-    def failure(self) -> MedusaError | None:
-        """What took the steering away, None while it is ours."""
+    def failure(self) -> MotionStopped | None:
+        """What ended the motion, None while it is ours."""
         return self._failure
 
-    def set(self, speed: float, turn_rate: float, by: BaseSnapshot | None = None) -> None:
+    def twist(self, speed: float, turn_rate: float, by: BaseReading | None = None) -> None:
         """Drive at `speed` (m/s) and `turn_rate` (rad/s) from now on, for at most `hold` s.
 
-        `by`: the snapshot that the command was computed from. Raises StalePose when it is older than 200 ms,
-        CommandError over the limits (the last command then runs out), and what took the steering away.
+        `by`: the reading that the command was computed from. Raises StalePose when it is older than 200 ms,
+        CommandError over the limits (the last twist then runs out), and what ended the motion.
         """
         if self._failure is not None:
-            self._told = True
+            self._reported = True
             raise self._failure
         now = asyncio.get_running_loop().time()
         try:
             if by is not None:
                 by.require_fresh(now)
-            check_drive(self._base.limits, speed, turn_rate, MAX_VALID)
+            expires = self._base.can.expires
+            check_twist(self._base.limits, expires, speed, turn_rate, expires)
         except MedusaError:
-            self._command = None
+            self._twist = None
             raise
-        self._command = (speed, turn_rate)
+        self._twist = (speed, turn_rate)
         self._given_at = now
         self._changed.set()
 
-    def revoke(self, failure: MedusaError) -> None:
-        """Take the steering away: nothing is renewed any more and every later `set` raises this."""
+    def take_event(self, event: Event) -> None:
+        """Take in what the base reports: whatever stopped it ends the motion."""
+        if isinstance(event, Stopped):
+            self.fail(event.ending())
+
+    def stop_called(self, error: MotionStopped) -> None:
+        """A stop was called from elsewhere."""
+        self.fail(error)
+
+    def fail(self, error: MotionStopped) -> None:
+        """End the motion: nothing is renewed any more and every later `twist` raises this."""
         if self._failure is None:
-            self._failure = failure
-            self._command = None
+            self._failure = error
+            self._twist = None
             self._changed.set()
 
-    async def _feed(self) -> None:
+    async def _renew(self) -> None:
         loop = asyncio.get_running_loop()
-        while self._failure is None and not (self._owner is not None and self._owner.done()):
+        period = self._base.can.expires / _RENEWALS
+        while self._failure is None and not (self._opened_by is not None and self._opened_by.done()):
             self._changed.clear()
-            if self._command is not None and loop.time() - self._given_at > self._hold:
-                _LOG.warning("no steering command for %.2f s: the base runs out", self._hold)
-                self._command = None
-            if self._command is not None:
+            if self._twist is not None and loop.time() - self._given_at > self._hold:
+                _LOG.warning("no twist for %.2f s: the base runs out", self._hold)
+                self._twist = None
+            if self._twist is not None:
                 try:
-                    await self._base.drive(*self._command, steering=self)
+                    await self._base.twist(*self._twist, motion=self)
                 except MedusaError as error:
-                    stopped = MotionStopped(f"steering ended: {error}", reason="refused")
+                    stopped = MotionStopped(f"the motion ended: {error}", reason="refused")
                     stopped.__cause__ = error
-                    self.revoke(error if isinstance(error, MotionStopped) else stopped)
+                    self.fail(error if isinstance(error, MotionStopped) else stopped)
                     return
             try:
-                async with asyncio.timeout(RENEW_PERIOD):
+                async with asyncio.timeout(period):
                     await self._changed.wait()
             except TimeoutError:
                 continue

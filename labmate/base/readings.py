@@ -1,15 +1,15 @@
-"""What the base is asked for while it lives, and the host's own reckoning from it."""
+"""Readings of one base, the host's own dead reckoning from them, and who watches."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 
-from labmate.base.checks import MAX_POSE_AGE, BaseSnapshot
-from labmate.driver import messages as m
-from labmate.driver.connection import Connection
-from labmate.odometry import START, Odometry, OdometryNoise, Pose, WheelGeometry
+from labmate.base.driver import BaseDriver
+from labmate.base.reading import BaseReading
+from labmate.odometry import START, Odometry, Pose
 from medusa.errors import CommandError, DeviceSilent, NoReply
 
 _LOG = logging.getLogger(__name__)
@@ -18,79 +18,59 @@ _ATTEMPTS = 4
 
 
 class Readings:
-    """Snapshots of one base; every one carries the odometry on."""
+    """Readings of one base; each carries the odometry on, where the base counts its wheels.
 
-    def __init__(self, connection: Connection, geometry: WheelGeometry, noise: OdometryNoise) -> None:
-        self.latest: BaseSnapshot | None = None
-        self._connection = connection
-        self._odometry = Odometry(geometry, noise)
-        self._sampled_us: int | None = None
-        self._observers: list[Callable[[BaseSnapshot], None]] = []
+    `odometry` None: the driver's own pose is the best that is known.
+    """
 
-    @property
-    def geometry(self) -> WheelGeometry:
-        """The wheels that the odometry reckons with."""
-        return self._odometry.geometry
+    def __init__(self, driver: BaseDriver, odometry: Odometry | None) -> None:
+        self.latest: BaseReading | None = None
+        self._driver = driver
+        self._odometry = odometry
+        self._sampled: float | None = None
+        self._observers: list[Callable[[BaseReading], None]] = []
 
-    async def snapshot(self) -> BaseSnapshot:
-        """Pose, encoders and status, asked for together."""
-        asked_at = asyncio.get_running_loop().time()
-        request = self._connection.request
-        replies = await asyncio.gather(request(m.POSE), request(m.STATUS), request(m.ENCODERS))
-        pose, status = m.PoseReply.decode(replies[0]), m.StatusReply.decode(replies[1])
-        counts = m.EncodersReply.decode(replies[2])
-        # Behind a repeat an older reading may come after the younger one of another reader: its way is counted.
-        if self._sampled_us is None or later(counts.time_us, self._sampled_us):
-            self._odometry.step(counts.left, counts.right)
-            self._sampled_us = counts.time_us
-        self.latest = BaseSnapshot(
-            asked_at,
-            pose.time_us,
-            Pose(pose.x, pose.y, pose.heading),
-            pose.speed,
-            pose.turn_rate,
-            counts.left,
-            counts.right,
-            status.mode,
-            status.flags,
-            status.battery,
-            self._odometry.pose,
-            self._odometry.covariance,
-        )
+    async def read(self) -> BaseReading:
+        """Read the base now."""
+        reading = await self._driver.read()
+        counts, odometry = reading.counts, self._odometry
+        if odometry is not None and counts is not None:
+            # Behind a repeat an older reading may come after the younger one of another reader: its way is counted.
+            if self._sampled is None or counts.stamp > self._sampled:
+                odometry.step(counts.left, counts.right)
+                self._sampled = counts.stamp
+            reading = replace(reading, pose=odometry.pose, covariance=odometry.covariance)
+        self.latest = reading
         for observer in list(self._observers):
-            observer(self.latest)
-        return self.latest
+            observer(reading)
+        return reading
 
-    async def patient_snapshot(self) -> BaseSnapshot:
-        """A snapshot over a bad line: reading again harms nothing. Raises NoReply after a few attempts."""
+    async def read_patiently(self) -> BaseReading:
+        """Read over a bad line: reading again harms nothing. Raises NoReply after a few attempts."""
         for _ in range(_ATTEMPTS - 1):
             try:
-                return await self.snapshot()
+                return await self.read()
             except DeviceSilent:
                 raise
             except NoReply as error:
                 _LOG.warning("reading the base: %s", error)
-        return await self.snapshot()
+        return await self.read()
 
-    def steerable(self) -> BaseSnapshot:
-        """The latest snapshot; raises StalePose when it is older than 200 ms."""
+    def steerable(self) -> BaseReading:
+        """Return the latest reading; raises StalePose when it is older than 200 ms."""
         if self.latest is None:
             raise CommandError("the base has not been read yet")
-        self.latest.require_fresh(asyncio.get_running_loop().time(), MAX_POSE_AGE)
+        self.latest.require_fresh(asyncio.get_running_loop().time())
         return self.latest
 
-    def observe(self, callback: Callable[[BaseSnapshot], None]) -> Callable[[], None]:
-        """Call back with every snapshot, whoever asked for it; returns what ends it."""
+    def observe(self, callback: Callable[[BaseReading], None]) -> Callable[[], None]:
+        """Call back with every reading, whoever asked for it; returns what ends it."""
         self._observers.append(callback)
         return lambda: self._observers.remove(callback)
 
     def restart_odometry(self, pose: Pose = START) -> None:
-        """Reckon from this pose on; what was read before is void."""
-        self._odometry = Odometry(self._odometry.geometry, self._odometry.noise, pose)
-        self._sampled_us = None
+        """Reckon from this pose on; what was read before is invalid."""
+        if self._odometry is not None:
+            self._odometry = Odometry(self._odometry.geometry, self._odometry.noise, pose)
+        self._sampled = None
         self.latest = None
-
-
-def later(time_us: int, than_us: int) -> bool:
-    """Whether a device stamp is after another one, across the wrap of 71 minutes."""
-    return 0 < ((time_us - than_us) & 0xFFFFFFFF) < 0x80000000

@@ -13,7 +13,8 @@ from labmate.cli.options import Options
 from labmate.cli.tables import pose_line, report_document, snapshot_document
 
 if TYPE_CHECKING:
-    from labmate.base.checks import BaseSnapshot, MotionReport
+    from labmate.base.reading import BaseReading
+    from labmate.base.report import MotionReport
 
 # A negative distance is an argument, not an option.
 _NEGATIVE = {"ignore_unknown_options": True}
@@ -47,19 +48,20 @@ def drive(
     """Drive at a speed and a turn rate for a while; each command lives 0.3 s, Ctrl-C ends it before."""
     options: Options = context.obj
 
-    async def body() -> BaseSnapshot:
-        from labmate.base.checks import MAX_VALID, check_drive, check_free_way
+    async def body() -> BaseReading:
+        from labmate.base.checks import check_free_way, check_twist
 
         async with options.base() as (base, _):
-            check_drive(base.limits, speed, radians(turn_rate), MAX_VALID)
-            check_free_way("DRIVE", (await base.snapshot()).flags, speed, radians(turn_rate))
+            expires = base.can.expires
+            check_twist(base.limits, expires, speed, radians(turn_rate), expires)
+            check_free_way("DRIVE", await base.read(), speed, radians(turn_rate))
             loop = asyncio.get_running_loop()
             end = loop.time() + seconds
-            async with base.steer() as steering:
+            async with base.motion() as motion:
                 while loop.time() < end - 1e-3:
-                    steering.set(speed, radians(turn_rate))
+                    motion.twist(speed, radians(turn_rate))
                     await asyncio.sleep(min(0.1, end - loop.time()))
-            return await base.snapshot()
+            return await base.read()
 
     _show(options, options.run(body), "at rest at")
 
@@ -68,7 +70,7 @@ def stop(context: typer.Context) -> None:
     """Ramp to a stop, and confirm it."""
     options: Options = context.obj
 
-    async def body() -> BaseSnapshot:
+    async def body() -> BaseReading:
         async with options.base(to_stop=True) as (base, _):
             return await base.stop()
 
@@ -79,8 +81,9 @@ def estop(context: typer.Context) -> None:
     """Stop at once and latch it, before anything else is asked; then confirm it."""
     options: Options = context.obj
 
-    async def body() -> BaseSnapshot:
-        from labmate.base.mobile_base import Base
+    async def body() -> BaseReading:
+        from labmate.base.mobile_base import MobileBase
+        from labmate.driver.labmate import Labmate
         from labmate.driver.messages import DEFAULT_ADDRESS
         from medusa.link import Line
 
@@ -99,7 +102,8 @@ def estop(context: typer.Context) -> None:
             line = await stack.enter_async_context(Line(port, baud=baud, trace=trace, name="labmate"))
             line.session(address)
             await line.emergency_stop()
-            base = await stack.enter_async_context(Base(line, None, path=port, address=address))
+            driver = Labmate(line, None, path=port, address=address)
+            base = await stack.enter_async_context(MobileBase(driver))
             return await base.emergency_stop()
 
     _show(options, options.run(body), "emergency stop latched; at rest at")
@@ -109,14 +113,14 @@ def clear(context: typer.Context) -> None:
     """Release a latched emergency stop; nothing moves."""
     options: Options = context.obj
 
-    async def body() -> BaseSnapshot:
+    async def body() -> BaseReading:
         async with options.base() as (base, _):
             return await base.clear()
 
     snapshot = options.run(body)
-    from labmate.driver.messages import Flags
+    from labmate.base.events import Cause
 
-    latched = bool(snapshot.flags & Flags.EMERGENCY_STOP)
+    latched = Cause.EMERGENCY_STOP in snapshot.latched
     _show(
         options,
         snapshot,
@@ -140,5 +144,5 @@ def _travel(options: Options, kind: str, amount: float) -> None:
     options.show(report_document(report), lambda: print(report))
 
 
-def _show(options: Options, snapshot: BaseSnapshot, state: str) -> None:
+def _show(options: Options, snapshot: BaseReading, state: str) -> None:
     options.show(snapshot_document(snapshot), lambda: print(f"{state} {pose_line(snapshot)}"))

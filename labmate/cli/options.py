@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from medusa.console import Console
 
 if TYPE_CHECKING:
-    from labmate.base.mobile_base import Base
+    from labmate.base.mobile_base import MobileBase
     from labmate.config import BaseConfig, CalibrationFile
     from labmate.simulation import SimulatedBase
 
@@ -80,9 +80,9 @@ class Options(Console):
         return port
 
     @asynccontextmanager
-    async def base(self, *, to_stop: bool = False) -> AsyncIterator[tuple[Base, SimulatedBase | None]]:
+    async def base(self, *, to_stop: bool = False) -> AsyncIterator[tuple[MobileBase, SimulatedBase | None]]:
         """The base, emulated or real, connected and at rest; `to_stop` it neither file is needed."""
-        from labmate.base.mobile_base import open_base
+        from labmate.machines import open_base
         from medusa.errors import CommandError
 
         if self.sim and self.port is not None:

@@ -11,7 +11,7 @@ from labmate.cli.options import DEFAULT_FILE, Options
 from labmate.cli.tables import pose_line, print_values, snapshot_document
 
 if TYPE_CHECKING:
-    from labmate.base.checks import BaseSnapshot
+    from labmate.base.reading import BaseReading
 
 
 def register(app: typer.Typer) -> None:
@@ -47,23 +47,14 @@ def status(context: typer.Context) -> None:
     """What the base reports of itself: mode, flags, battery, line statistics."""
     options: Options = context.obj
 
-    async def body() -> tuple[BaseSnapshot, dict[str, Any]]:
+    async def body() -> tuple[BaseReading, dict[str, Any]]:
         async with options.base() as (base, _):
-            snapshot = await base.snapshot()
-            session = base.connection.session
-            counters = await session.statistics()
-            hello = session.hello
+            snapshot = await base.read()
             facts: dict[str, Any] = {
-                "wheel_base_mm": round(1e3 * base.hello.wheel_base, 1),
-                "counts_per_metre": base.hello.counts_per_metre,
-                "firmware": f"{hello.firmware >> 8}.{hello.firmware & 0xFF}" if hello else None,
-                "boot_count": hello.boot_count if hello else None,
-                "odometry_wheel_base_mm": round(1e3 * base.readings.geometry.wheel_base, 4),
-                "odometry_wheel_ratio": round(base.readings.geometry.wheel_ratio, 8),
-                "frames": counters.frames,
-                "crc_errors": counters.crc_errors,
-                "framing_errors": counters.framing_errors,
-                "watchdog_trips": counters.watchdog_trips,
+                **base.driver.facts,
+                "odometry_wheel_base_mm": round(1e3 * base.geometry.wheel_base, 4),
+                "odometry_wheel_ratio": round(base.geometry.wheel_ratio, 8),
+                **await base.driver.counters(),
             }
         return snapshot, facts
 
@@ -81,7 +72,7 @@ def pose(
     """The base's pose, by its own odometry."""
     options: Options = context.obj
 
-    async def body() -> tuple[BaseSnapshot, dict[str, Any]]:
+    async def body() -> tuple[BaseReading, dict[str, Any]]:
         from math import radians
 
         from labmate.odometry import Pose
@@ -91,7 +82,7 @@ def pose(
             if set_to is not None:
                 x, y, heading = set_to
                 await base.set_pose(Pose(x, y, radians(heading)))
-            snapshot = await base.snapshot()
+            snapshot = await base.read()
             true = {"true_pose": pose_in_words(simulated.true_pose())} if simulated is not None else {}
         return snapshot, true
 

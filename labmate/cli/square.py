@@ -98,7 +98,6 @@ def square_in_simulation(options: Options, side: float, out: Path, calibration: 
 
 def _square_on_the_floor(options: Options, side: float, direction: Direction, out: Path) -> None:
     async def body() -> tuple[SquareRun, Pose]:
-        from labmate.odometry import WheelGeometry
         from labmate.square import drive_square
         from labmate.square_report import RECORD_NAME, read_record, require_writable, write_record
 
@@ -109,8 +108,7 @@ def _square_on_the_floor(options: Options, side: float, direction: Direction, ou
             calibration = base.calibration
             with _progress(options, 8 if calibration is None else 9) as progress:
                 run = await drive_square(base, direction, side, calibration=calibration, progress=progress)
-            nominal = WheelGeometry(base.hello.wheel_base, 1.0, base.hello.counts_per_metre)
-            geometry = base.readings.geometry
+            nominal, geometry = base.wheels, base.geometry
         if calibration is None:
             write_record(path, [*earlier, run], nominal)
         return run, run.path(geometry)[-1]
@@ -179,7 +177,7 @@ def _progress(options: Options, legs: int) -> Iterator[Callable[[Progress], None
                 return
             done.add(leg)
             run = f"{progress.direction}{', calibrated' if progress.calibrated else ''}"
-            p = progress.snapshot.odometry
+            p = progress.reading.pose
             at = f"leg {progress.done} of {progress.of}, odometry at {p.x:.3f}, {p.y:.3f} m"
             if console.is_terminal:
                 bars.update(bar, completed=len(done), description=f"{run}: {at}")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from medusa.console import print_table
 
 if TYPE_CHECKING:
-    from labmate.base.checks import BaseSnapshot, MotionReport
+    from labmate.base.reading import BaseReading
+    from labmate.base.report import MotionReport
 
 
 def print_values(title: str, document: Mapping[str, Any]) -> None:
@@ -20,43 +21,43 @@ def print_values(title: str, document: Mapping[str, Any]) -> None:
     print_table(title, rows)
 
 
-def snapshot_document(snapshot: BaseSnapshot) -> dict[str, Any]:
+def snapshot_document(snapshot: BaseReading) -> dict[str, Any]:
     """A snapshot for JSON: m, degrees, V."""
     from math import degrees, sqrt
 
-    from labmate.base.checks import pressed
-    from labmate.driver.messages import Flags
+    from labmate.base.events import Cause
     from labmate.square_report import pose_in_words
 
-    spread = snapshot.covariance
+    spread, details = snapshot.covariance, snapshot.details
+    counts = snapshot.counts
     return {
-        "mode": snapshot.mode.name.lower(),
-        "moving": bool(snapshot.flags & Flags.MOVING),
-        "bumpers": [side.name.lower() for side in pressed(snapshot.flags) if side.name],
-        "emergency_stop": bool(snapshot.flags & Flags.EMERGENCY_STOP),
-        "motor_power": bool(snapshot.flags & Flags.MOTOR_POWER),
-        "stalled": bool(snapshot.flags & Flags.STALLED),
+        "mode": details.get("mode"),
+        "moving": details.get("moving", not snapshot.at_rest),
+        "bumpers": [side.name.lower() for side in snapshot.touching if side.name],
+        "emergency_stop": Cause.EMERGENCY_STOP in snapshot.latched,
+        "motor_power": details.get("motor_power"),
+        "stalled": Cause.STALLED in snapshot.latched,
         "battery_v": round(snapshot.battery, 3),
-        "battery_low": bool(snapshot.flags & Flags.BATTERY_LOW),
-        "pose": pose_in_words(snapshot.pose),
+        "battery_low": snapshot.battery_low,
+        "pose": pose_in_words(snapshot.own_pose),
         "speed_m_s": round(snapshot.speed, 4),
         "turn_rate_deg_s": round(degrees(snapshot.turn_rate), 2),
-        "odometry": pose_in_words(snapshot.odometry),
+        "odometry": pose_in_words(snapshot.pose),
         "odometry_deviation": {
             "x_m": round(sqrt(spread[0][0]), 6),
             "y_m": round(sqrt(spread[1][1]), 6),
             "heading_deg": round(degrees(sqrt(spread[2][2])), 4),
         },
-        "left_counts": snapshot.left_counts,
-        "right_counts": snapshot.right_counts,
+        "left_counts": None if counts is None else counts.left,
+        "right_counts": None if counts is None else counts.right,
     }
 
 
-def pose_line(snapshot: BaseSnapshot) -> str:
+def pose_line(snapshot: BaseReading) -> str:
     """A pose in one line."""
     from math import degrees
 
-    p = snapshot.pose
+    p = snapshot.own_pose
     return f"x {p.x:.4f} m, y {p.y:.4f} m, heading {degrees(p.heading):.2f}°"
 
 

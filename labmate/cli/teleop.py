@@ -16,9 +16,9 @@ from labmate.cli.tables import pose_line, snapshot_document
 from labmate.cli.watch import live_table
 
 if TYPE_CHECKING:
-    from labmate.base.checks import BaseSnapshot
-    from labmate.base.mobile_base import Base
-    from labmate.base.motion import Steering
+    from labmate.base.mobile_base import MobileBase
+    from labmate.base.motion import Motion
+    from labmate.base.reading import BaseReading
     from labmate.keyboard import Keys
 
 
@@ -32,7 +32,7 @@ def teleop(context: typer.Context) -> None:
     if not sys.stdin.isatty():
         options.fail("teleop needs a terminal to read keys from")
 
-    async def body() -> BaseSnapshot:
+    async def body() -> BaseReading:
         from rich.live import Live
 
         async with options.base() as (base, _):
@@ -90,7 +90,7 @@ def _keys_of(descriptor: int) -> Iterator[_Keyboard]:
 class _Teleop:
     """Keys in, steering out, twenty times a second."""
 
-    def __init__(self, base: Base, keyboard: _Keyboard, view: Any) -> None:
+    def __init__(self, base: MobileBase, keyboard: _Keyboard, view: Any) -> None:
         from labmate.keyboard import Keys
 
         self._base = base
@@ -109,29 +109,29 @@ class _Teleop:
             if self._keys.command(self._now) is None:
                 continue
             try:
-                async with self._base.steer(hold=0.3) as steering:
-                    await self._steer(steering)
+                async with self._base.motion(hold=0.3) as motion:
+                    await self._steer(motion)
             except MedusaError as error:
                 # A bumper, an emergency stop: shown, and the next key is a new command.
                 self._message = str(error)
                 self._keys.release()
-                self._base.connection.require_ready()
+                self._base.require_ready()
 
-    async def _steer(self, steering: Steering) -> None:
+    async def _steer(self, motion: Motion) -> None:
         limits = self._base.limits
         self._message = ""
-        while not self._over and steering.failure is None:
+        while not self._over and motion.failure is None:
             command = self._keys.command(self._now)
             ahead, left = command if command is not None else (0.0, 0.0)
-            steering.set(ahead * limits.speed, left * limits.turn_rate)
+            motion.twist(ahead * limits.speed, left * limits.turn_rate)
             snapshot = await self._tick()
             if command is None and snapshot.speed == 0.0 and snapshot.turn_rate == 0.0:
                 return
 
-    async def _tick(self) -> BaseSnapshot:
+    async def _tick(self) -> BaseReading:
         from labmate.keyboard import HELP
 
-        snapshot = await self._base.snapshot()
+        snapshot = await self._base.read()
         self._ticks += 1
         if self._ticks % 3 == 1:
             more = {

@@ -14,7 +14,7 @@ from labmate.cli.tables import snapshot_document
 from medusa.console import make_table
 
 if TYPE_CHECKING:
-    from labmate.base.checks import BaseSnapshot
+    from labmate.base.reading import BaseReading
 
 
 def register(app: typer.Typer) -> None:
@@ -37,7 +37,7 @@ def monitor(
         async with options.base() as (base, _):
             with Live(auto_refresh=False, console=_console(options)) as view:
                 started = loop.time()
-                async for snapshot in base.snapshots(rate):
+                async for snapshot in base.readings(rate):
                     at = round(snapshot.time - started, 3)
                     if options.json:
                         documents.append({"t": at} | snapshot_document(snapshot))
@@ -50,7 +50,7 @@ def monitor(
     options.show({"snapshots": documents}, lambda: None)
 
 
-def live_table(snapshot: BaseSnapshot, more: Mapping[str, Any]) -> Any:
+def live_table(snapshot: BaseReading, more: Mapping[str, Any]) -> Any:
     """What a driver wants to see."""
     document = snapshot_document(snapshot)
     rows = {

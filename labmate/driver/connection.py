@@ -1,8 +1,4 @@
-"""The base's session kept fit for motion: limits, watchdog and events set, fed, and known to be set.
-
-Motion is possible only between a preparation (HELLO, LIMITS, WATCHDOG, EVENT_MASK) and the next loss of the
-line or of the base's memory; after one the program has to say `recover()` itself.
-"""
+"""The Labmate's session kept fit for motion: limits, watchdog and events set, fed, and known to be set."""
 
 from __future__ import annotations
 
@@ -12,9 +8,8 @@ from collections.abc import Callable
 
 from labmate.config import BaseConfig
 from labmate.driver import messages as m
-from labmate.driver.messages import HelloPart
 from labmate.errors import StopNotConfirmed
-from medusa.errors import DeviceFault, DeviceRestarted, MedusaError, NoReply, PortError
+from medusa.errors import MedusaError, NoReply, PortError
 from medusa.link import Event, Hello, Line, Operation, Session
 
 _LOG = logging.getLogger(__name__)
@@ -24,12 +19,13 @@ _FOUND_MOVING = 10.0
 """Longest ramp (s) that an earlier host's limits are granted: from 1 m/s at 0.1 m/s²."""
 _RAMP = 0
 """The base's only watchdog action: ramp to a stop."""
+_FEEDS_PER_TIMEOUT = 3
 _NEIGHBOURS = (0x01, 0x02, 0x10, 0x11)
 """Where else something answers when somebody mistook the port or the address: boards of a head, further bases."""
 
 
 class Connection:
-    """One base on a line. `config` None: it can be read and stopped, not moved."""
+    """One Labmate on a line. `config` None: it can be read and stopped, not moved."""
 
     def __init__(
         self,
@@ -39,7 +35,7 @@ class Connection:
         address: int,
         *,
         on_event: Callable[[Event], None],
-        on_trouble: Callable[[MedusaError], None],
+        on_loss: Callable[[MedusaError], None],
     ) -> None:
         self.path = path
         self.config = config
@@ -47,80 +43,51 @@ class Connection:
         self.session: Session = line.session(address)
         self.session.describe(m.OPERATIONS, m.EVENT_NAMES, event_size=m.EVENT_SIZE)
         self._on_event = on_event
-        self._on_trouble = on_trouble
+        self._on_loss = on_loss
         self._unsubscribe: list[Callable[[], None]] = []
-        self._trouble: MedusaError | None = None
-        self._fed_at = 0.0
         self._keeper: asyncio.Task[None] | None = None
 
-    async def open(self) -> HelloPart:
-        """Greet and prepare the base; raises PortError when something else answers, or nothing."""
-        hello = await self._greet()
-        self._unsubscribe = [
-            self.session.subscribe(self._on_event),
-            self.session.on_restart(self._note_trouble),
-            self.session.on_lost(self._note_trouble),
-            self.session.on_gap(self._note_trouble),
-        ]
+    async def open(self) -> Hello:
+        """Open a session with the base and prepare it; raises PortError when something else answers, or nothing."""
+        hello = await self._handshake()
+        if not self._unsubscribe:
+            self._unsubscribe = [
+                self.session.subscribe(self._on_event),
+                self.session.on_restart(self._on_loss),
+                self.session.on_lost(self._on_loss),
+                self.session.on_gap(self._on_loss),
+            ]
         await self._prepare()
-        if self.config is not None:
-            period = self.config.safety.watchdog_ms * 1e-3 / 3.0
+        if self.config is not None and self._keeper is None:
+            period = self.config.safety.watchdog_ms * 1e-3 / _FEEDS_PER_TIMEOUT
             self._keeper = asyncio.get_running_loop().create_task(self._keep_alive(period))
-        return HelloPart.decode(hello.part)
+        return hello
 
-    async def recover(self) -> HelloPart:
-        """Open a new session after a loss or restart; the base stands, and motion is possible again."""
-        hello = await self.session.open()
-        await self._prepare()
-        self._trouble = None
-        _LOG.info("%s: the base is ready again", self.path)
-        return HelloPart.decode(hello.part)
-
-    async def close(self, *, standing: bool) -> None:
-        """End the keeping; switch the watchdog off only when the base is known to stand."""
+    async def close(self, *, watchdog_off: bool) -> None:
+        """End the feeding; the watchdog is switched off only when the base is known to be at rest."""
         if self._keeper is not None:
             self._keeper.cancel()
-        if standing and self._trouble is None and self.config is not None:
+        if watchdog_off and self.config is not None:
             try:
                 await self.session.watchdog(0)
             except MedusaError as error:
                 _LOG.warning("%s: the watchdog stays on: %s", self.path, error)
         for unsubscribe in self._unsubscribe:
             unsubscribe()
-
-    @property
-    def restarted(self) -> bool:
-        """Whether the base has lost its memory since the last preparation."""
-        return isinstance(self._trouble, DeviceRestarted)
-
-    def require_ready(self) -> None:
-        """Raise what made motion impossible since the last preparation."""
-        if isinstance(self._trouble, DeviceRestarted):
-            raise DeviceRestarted(
-                f"{self._trouble}; its pose is void: recover() before it moves",
-                before=self._trouble.before,
-                now=self._trouble.now,
-            ) from self._trouble
-        if self._trouble is not None:
-            raise DeviceFault(f"{self._trouble}; recover() before it moves") from self._trouble
+        self._unsubscribe.clear()
 
     async def request(self, operation: Operation, payload: bytes = b"") -> bytes:
-        """One request to the base as a whole; every answered one feeds the watchdog."""
-        asked_at = asyncio.get_running_loop().time()
-        try:
-            reply = await self.session.request(operation, payload=payload)
-        except DeviceRestarted as error:
-            if not self.restarted:
-                self._note_trouble(error)
-            raise
-        self._fed_at = max(self._fed_at, asked_at)
-        return reply
+        """Send one request to the base as a whole."""
+        return await self.session.request(operation, payload=payload)
 
-    async def _greet(self) -> Hello:
+    async def _handshake(self) -> Hello:
         address = self.session.address
         try:
             hello = await self.session.open()
         except NoReply as error:
+            if self._unsubscribe:
+                # It was the right one before; a HELLO to its neighbours would stop them.
+                raise
             found = await self._neighbour()
             advice = found or "is it the right port, is the base switched on?"
             raise PortError(self.path, f"no base answers at address {address:02X}H; {advice}") from error
@@ -153,31 +120,28 @@ class Connection:
                         break
                     await asyncio.sleep(0.05)
         except TimeoutError:
-            told = f"{self.path}: the base still moves {_FOUND_MOVING:g} s after it was told to stop"
-            raise StopNotConfirmed(told) from None
-        await self.request(m.LIMITS, self.config.wire_limits.encode())
+            reason = f"the base still moves {_FOUND_MOVING:g} s after it was told to stop"
+            raise StopNotConfirmed(f"{self.path}: {reason}") from None
+        limits = self.config.motion_limits
+        await self.request(
+            m.LIMITS,
+            m.SetLimits(
+                limits.speed, limits.turn_rate, limits.acceleration, limits.turn_acceleration
+            ).encode(),
+        )
         await self.session.event_mask(m.EVENT_MASK)
         await self.session.watchdog(self.config.safety.watchdog_ms, _RAMP)
-        self._fed_at = asyncio.get_running_loop().time()
-
-    def _note_trouble(self, error: MedusaError) -> None:
-        if not self.restarted:
-            self._trouble = error
-        self._on_trouble(error)
 
     async def _keep_alive(self, period: float) -> None:
         """PING whenever nothing else has fed the watchdog for a third of its time."""
-        loop = asyncio.get_running_loop()
         while True:
-            rest = self._fed_at + period - loop.time()
+            rest = period - self.session.unfed
             # A rest below the clock's resolution would be slept for ever.
             if rest > 1e-3:
                 await asyncio.sleep(rest)
                 continue
-            asked_at = loop.time()
             try:
                 await self.session.ping()
-                self._fed_at = max(self._fed_at, asked_at)
             except MedusaError as error:
                 _LOG.debug("%s: keep-alive: %s", self.path, error)
                 await asyncio.sleep(period)

@@ -181,7 +181,7 @@ class Turn(Message):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits(Message):
+class SetLimits(Message):
     """Greatest speed (m/s), turn rate (rad/s), acceleration (m/s²) and turn acceleration (rad/s²)."""
 
     speed: float
@@ -197,11 +197,8 @@ class Limits(Message):
     )
 
 
-POWER_UP_LIMITS: Final = Limits(0.3, radians(15.0), 0.25, radians(30.0))
+POWER_UP_LIMITS: Final = SetLimits(0.3, radians(15.0), 0.25, radians(30.0))
 """What a base goes by until LIMITS is sent."""
-MAX_SPEED: Final = 1.0
-MAX_TURN_RATE: Final = radians(327.67)
-MAX_DRIVE_VALID: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +261,7 @@ DRIVE: Final = Operation(0x32, "DRIVE", Drive.LAYOUT, moves=True)
 GO: Final = Operation(0x33, "GO", Go.LAYOUT, moves=True)
 TURN: Final = Operation(0x34, "TURN", Turn.LAYOUT, moves=True)
 STOP: Final = Operation(0x35, "STOP", stops=True, urgent=True)
-LIMITS: Final = Operation(0x36, "LIMITS", Limits.LAYOUT)
+LIMITS: Final = Operation(0x36, "LIMITS", SetLimits.LAYOUT)
 STATUS: Final = Operation(0x37, "STATUS", reply=StatusReply.LAYOUT, reads=True)
 ENCODERS: Final = Operation(0x38, "ENCODERS", reply=EncodersReply.LAYOUT, reads=True)
 

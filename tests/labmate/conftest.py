@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from labmate.base.mobile_base import Base
+from labmate.base.mobile_base import MobileBase
 from labmate.simulation import SimulatedBase, simulated_base
 
 
@@ -15,6 +15,6 @@ async def sim() -> AsyncIterator[SimulatedBase]:
 
 
 @pytest.fixture
-async def base(sim: SimulatedBase) -> AsyncIterator[Base]:
+async def base(sim: SimulatedBase) -> AsyncIterator[MobileBase]:
     async with sim.open() as opened:
         yield opened

@@ -36,7 +36,7 @@ def written(tmp_path: Path, text: str) -> Path:
 
 def test_the_filled_template_is_a_configuration_in_si_units(tmp_path: Path) -> None:
     config = read_config(written(tmp_path, template(FILLED)))
-    limits = config.wire_limits
+    limits = config.motion_limits
     assert (limits.speed, limits.acceleration) == (0.3, 0.25)
     assert (degrees(limits.turn_rate), degrees(limits.turn_acceleration)) == pytest.approx((15.0, 30.0))
     assert config.safety.watchdog_ms == 500

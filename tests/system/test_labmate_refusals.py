@@ -8,7 +8,7 @@ from math import radians
 import pytest
 
 from labmate.driver import messages as m
-from labmate.driver.messages import BaseEvent, Ending, Flags, Limits, Message, Mode
+from labmate.driver.messages import BaseEvent, Ending, Flags, Message, Mode, SetLimits
 from labmate.simulation import SimulatedBase, simulated_base
 from medusa.errors import CommandError, NoReply
 from medusa.link import Event, Line, Operation, Session
@@ -93,7 +93,7 @@ def touching(side: str, flag: Flags) -> Callable[[Session, SimulatedBase], Await
 front, rear = touching("front", Flags.FRONT_BUMPER), touching("rear", Flags.REAR_BUMPER)
 left, right = touching("left", Flags.LEFT_BUMPER), touching("right", Flags.RIGHT_BUMPER)
 
-OK = Limits(0.2, radians(10.0), 0.2, radians(20.0))
+OK = SetLimits(0.2, radians(10.0), 0.2, radians(20.0))
 SLOW, BACK, SPIN = m.Drive(0.05, 0.0, 0.3), m.Drive(-0.05, 0.0, 0.3), m.Drive(0.0, 0.1, 0.3)
 GO, BACK_UP, TURN, SET = m.Go(0.1), m.Go(-0.1), m.Turn(0.1), m.SetPose(1.0, 1.0, 1.0)
 
@@ -164,13 +164,13 @@ GO, BACK_UP, TURN, SET = m.Go(0.1), m.Go(-0.1), m.Turn(0.1), m.SetPose(1.0, 1.0,
         (driving, m.LIMITS, OK, 6),
         (going, m.LIMITS, OK, 6),
         (latched, m.LIMITS, OK, 0),
-        (nothing, m.LIMITS, Limits(1.0, radians(327.67), 0.2, 0.2), 0),
-        (nothing, m.LIMITS, Limits(1.0001, 0.2, 0.2, 0.2), 4),
-        (nothing, m.LIMITS, Limits(0.2, radians(327.68), 0.2, 0.2), 4),
-        (nothing, m.LIMITS, Limits(0.0, 0.2, 0.2, 0.2), 4),
-        (nothing, m.LIMITS, Limits(0.2, 0.0, 0.2, 0.2), 4),
-        (nothing, m.LIMITS, Limits(0.2, 0.2, 0.0, 0.2), 4),
-        (nothing, m.LIMITS, Limits(0.2, 0.2, 0.2, 0.0), 4),
+        (nothing, m.LIMITS, SetLimits(1.0, radians(327.67), 0.2, 0.2), 0),
+        (nothing, m.LIMITS, SetLimits(1.0001, 0.2, 0.2, 0.2), 4),
+        (nothing, m.LIMITS, SetLimits(0.2, radians(327.68), 0.2, 0.2), 4),
+        (nothing, m.LIMITS, SetLimits(0.0, 0.2, 0.2, 0.2), 4),
+        (nothing, m.LIMITS, SetLimits(0.2, 0.0, 0.2, 0.2), 4),
+        (nothing, m.LIMITS, SetLimits(0.2, 0.2, 0.0, 0.2), 4),
+        (nothing, m.LIMITS, SetLimits(0.2, 0.2, 0.2, 0.0), 4),
         # Always accepted.
         (nothing, m.STOP, b"", 0),
         (latched, m.STOP, b"", 0),

@@ -112,7 +112,7 @@ async def test_a_bump_of_10_mm_under_one_wheel_turns_the_heading_by_some_six_ten
         await base.go(0.5)
         sim.bench.inject("base.bump", wheel=wheel, height=0.010)
         await base.go(1.0)
-        believed, true = (await base.snapshot()).odometry, sim.true_pose()
+        believed, true = (await base.read()).pose, sim.true_pose()
     turned = sign * degrees(true.heading - believed.heading)
     # The page's figure and the tolerance.
     assert turned == pytest.approx(0.6, abs=0.1)

@@ -64,7 +64,7 @@ async def both_ways() -> tuple[float, int]:
     async with simulated_base(0) as sim, sim.open() as base:
         for direction in DIRECTIONS:
             await drive_square(base, direction, SIDE, true_pose=sim.true_pose)
-        return sim.clock(), (await base.connection.session.statistics()).frames
+        return sim.clock(), int((await base.driver.counters())["frames"])
 
 
 def pairs(count: int) -> None:

@@ -113,7 +113,7 @@ async def bump(wheel: str) -> float:
         await base.go(0.5)
         sim.bench.inject("base.bump", wheel=wheel, height=0.010)
         await base.go(1.0)
-        return degrees(sim.true_pose().heading - (await base.snapshot()).odometry.heading)
+        return degrees(sim.true_pose().heading - (await base.read()).pose.heading)
 
 
 async def motions() -> dict[str, float]:
@@ -121,19 +121,19 @@ async def motions() -> dict[str, float]:
     async with simulated_base(0) as sim, sim.open() as base:
         go = [abs((await base.go(way)).travelled - way) for way in (2.0, -1.3, 0.5, 0.0203)]
         turn = [abs((await base.turn(radians(a))).travelled - radians(a)) for a in (90.0, -45.0, 5.0, 200.0)]
-        async with base.steer() as steering:
+        async with base.motion() as motion:
             for tick in range(120):
-                steering.set(0.08, radians(7.1))
+                motion.twist(0.08, radians(7.1))
                 if tick == 20:
-                    before = await base.snapshot()
+                    before = await base.read()
                 await asyncio.sleep(0.1)
-            after = await base.snapshot()
-        seconds = ((after.device_time_us - before.device_time_us) & 0xFFFFFFFF) * 1e-6
+            after = await base.read()
     return {
         "go_worst_mm": 1e3 * max(go),
         "turn_worst_deg": degrees(max(turn)),
         "turn_rate_asked_deg_s": 7.1,
-        "turn_rate_held_deg_s": degrees(after.pose.heading - before.pose.heading) / seconds,
+        "turn_rate_held_deg_s": degrees(after.own_pose.heading - before.own_pose.heading)
+        / (after.stamp - before.stamp),
     }
 
 

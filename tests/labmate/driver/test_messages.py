@@ -13,7 +13,7 @@ from medusa.errors import CommandError, ProtocolError
 from medusa.link.frame import Message, decode_body, encode_frame
 from tests import protocol_page
 
-VECTORS = json.loads((Path(__file__).parents[1] / "vectors/labmate.json").read_text())
+VECTORS = json.loads((Path(__file__).parents[2] / "vectors/labmate.json").read_text())
 KINDS = {"request": 0, "reply": 1, "event": 2}
 MESSAGES: dict[str, m.Message | None] = {
     "HELLO reply": m.HelloPart(0.34, 50000),
@@ -22,7 +22,7 @@ MESSAGES: dict[str, m.Message | None] = {
     "TURN -90 deg": m.Turn(radians(-90.0)),
     "STATUS reply, driving, 24.6 V": m.StatusReply(m.Mode.DRIVE, m.Flags.MOVING | m.Flags.MOTOR_POWER, 24.6),
     "event: front bumper": m.BaseEvent(6_000_000, 1.5, -0.02, radians(45.0), m.Bumper.FRONT),
-    "LIMITS": m.Limits(0.3, radians(15.0), 0.25, radians(30.0)),
+    "LIMITS": m.SetLimits(0.3, radians(15.0), 0.25, radians(30.0)),
     "TURN refused: front bumper pressed": None,
     "event: motion done, stopped by a bumper": m.BaseEvent(
         6_500_000, 1.501, -0.0201, radians(45.0), m.Ending.BUMPER
@@ -123,7 +123,7 @@ def test_a_mode_that_the_page_does_not_know_is_a_protocol_error() -> None:
         (m.Drive(0.0, 0.0, 70.0), "valid"),
         (m.Go(nan), "distance nan"),
         (m.Turn(-inf), "angle -inf"),
-        (m.Limits(-0.1, 0.1, 0.1, 0.1), "speed -0.1 is outside 0…6.5535"),
+        (m.SetLimits(-0.1, 0.1, 0.1, 0.1), "speed -0.1 is outside 0…6.5535"),
         (m.SetPose(3e5, 0.0, 0.0), "x 300000"),
     ],
 )
@@ -133,7 +133,7 @@ def test_what_does_not_fit_the_wire_is_refused_with_value_and_range(message: m.M
 
 
 @pytest.mark.parametrize(
-    "kind", [m.PoseReply, m.StatusReply, m.EncodersReply, m.BaseEvent, m.HelloPart, m.Limits, m.Go]
+    "kind", [m.PoseReply, m.StatusReply, m.EncodersReply, m.BaseEvent, m.HelloPart, m.SetLimits, m.Go]
 )
 def test_a_payload_of_another_length_is_a_protocol_error(kind: type[m.Message]) -> None:
     with pytest.raises(ProtocolError, match="2 bytes"):
