@@ -12,7 +12,7 @@ from typing import Any, Self
 from labmate.base import stopping
 from labmate.base.checks import check_twist
 from labmate.base.driver import BaseDriver, Capabilities, Kind, Limits
-from labmate.base.events import Event, LowBattery, Stopped
+from labmate.base.events import Cause, Event, LowBattery, Stopped
 from labmate.base.motion import Motion
 from labmate.base.reading import BaseReading
 from labmate.base.readings import Readings
@@ -21,7 +21,7 @@ from labmate.base.travel import Travel
 from labmate.calibration import Calibration
 from labmate.errors import MotionStopped
 from labmate.odometry import UNCALIBRATED, Odometry, OdometryNoise, Pose, WheelGeometry
-from medusa.errors import CommandError, DeviceFault, DeviceRestarted, MedusaError
+from medusa.errors import CommandError, DeviceFault, DeviceRestarted, HostGap, MedusaError
 
 _LOG = logging.getLogger(__name__)
 
@@ -55,6 +55,7 @@ class MobileBase:
         self._readings: Readings | None = None
         self._motion: Motion | Travel | None = None
         self._lost: MedusaError | None = None
+        self._stops_under_way = 0
         self._unsubscribe: Callable[[], None] = lambda: None
 
     async def __aenter__(self) -> Self:
@@ -72,17 +73,7 @@ class MobileBase:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        at_rest = False
-        try:
-            await self.stop()
-            at_rest = True
-        except MedusaError as failed:
-            if error is None or isinstance(error, asyncio.CancelledError):
-                raise
-            error.add_note(str(failed))
-        finally:
-            self._unsubscribe()
-            await self.driver.close(at_rest=at_rest)
+        await stopping.with_error(error, stopping.carry_through(self._leave()))
 
     @property
     def can(self) -> Capabilities:
@@ -171,20 +162,19 @@ class MobileBase:
         await self.read()
 
     async def stop(self) -> BaseReading:
-        """Ramp to a stop and confirm it by reading back.
+        """Ramp to a stop and confirm it by reading back, although the caller is cancelled meanwhile.
 
         Raises StopNotConfirmed, after sending an emergency stop where the line still takes one.
         """
         limits = self.driver.limits
         ramp = _UNKNOWN_RAMP if limits is None else limits.stop_seconds
-        return await self._end_motion(
-            "stop", "STOP was called", stopping.stop(self.driver, self._open_readings, ramp)
-        )
+        stop = stopping.stop(self.driver, self._open_readings, ramp)
+        return await self._end_motion(Cause.STOP, "STOP was called", stop)
 
     async def emergency_stop(self) -> BaseReading:
         """Stop at once, latch it and confirm it; raises StopNotConfirmed."""
         stop = stopping.emergency_stop(self.driver, self._open_readings)
-        return await self._end_motion("emergency stop", "emergency stop was called", stop)
+        return await self._end_motion(Cause.EMERGENCY_STOP, "emergency stop was called", stop)
 
     async def clear(self) -> BaseReading:
         """Release a latched emergency stop; what is left is in the reading. Nothing moves."""
@@ -207,7 +197,9 @@ class MobileBase:
         return reading
 
     def require_ready(self) -> None:
-        """Raise what has made motion impossible since the driver was opened."""
+        """Raise what makes motion impossible now: a loss since the driver was opened, or a stop under way."""
+        if self._stops_under_way:
+            raise CommandError("the base is being stopped; nothing moves before it is at rest")
         if isinstance(self._lost, DeviceRestarted):
             raise DeviceRestarted(
                 f"{self._lost}; its pose is invalid: recover() before it moves",
@@ -237,29 +229,38 @@ class MobileBase:
         self.begin(travel)
         try:
             return await travel.run()
-        except MotionStopped:
-            # It is at rest, or out of reach and its watchdog stops it.
-            raise
-        except BaseException:
-            # Cancelled, or it may have begun unnoticed: nobody would watch it.
-            if travel.may_move:
-                await self._stop_quietly()
+        except BaseException as error:
+            # Cancelled, or it may travel on unnoticed: nobody would watch it. One out of reach its watchdog stops.
+            if travel.may_move and not self._out_of_reach:
+                await stopping.with_error(error, self.stop())
             raise
         finally:
             self.end(travel)
 
-    async def _stop_quietly(self) -> None:
+    async def _end_motion(
+        self, cause: Cause, words: str, stop: Coroutine[Any, Any, BaseReading]
+    ) -> BaseReading:
+        """Stop, and let nothing move meanwhile."""
+        self._stops_under_way += 1
+        try:
+            if self._motion is not None:
+                self._motion.stop_called(MotionStopped(f"the motion ended: {words}", reason=cause.value))
+            return await stopping.carry_through(stop)
+        finally:
+            self._stops_under_way -= 1
+
+    async def _leave(self) -> None:
+        at_rest = False
         try:
             await self.stop()
-        except MedusaError as error:
-            _LOG.error("%s", error)
+            at_rest = True
+        finally:
+            self._unsubscribe()
+            await self.driver.close(at_rest=at_rest)
 
-    async def _end_motion(
-        self, reason: str, words: str, stop: Coroutine[Any, Any, BaseReading]
-    ) -> BaseReading:
-        if self._motion is not None:
-            self._motion.stop_called(MotionStopped(f"the motion ended: {words}", reason=reason))
-        return await stop
+    @property
+    def _out_of_reach(self) -> bool:
+        return self._lost is not None and not isinstance(self._lost, HostGap)
 
     @property
     def _open_readings(self) -> Readings:

@@ -58,6 +58,7 @@ class Motion:
             self._renewing.cancel()
         self._base.end(self)
         try:
+            # Carried through, however often we are cancelled.
             await self._base.stop()
         except MedusaError:
             # A lost line is reported by itself; what ended the motion is the better account.

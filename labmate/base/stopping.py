@@ -4,19 +4,48 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Coroutine
+from typing import Any, TypeVar
 
 from labmate.base.driver import BaseDriver
 from labmate.base.events import Cause
 from labmate.base.reading import BaseReading
 from labmate.base.readings import Readings
 from labmate.errors import StopNotConfirmed
+from medusa.completion import complete
 from medusa.errors import MedusaError, NoReply, PortError
 
 _LOG = logging.getLogger(__name__)
 
+T = TypeVar("T")
+
 _CONFIRM_PERIOD = 0.05
 _CONFIRM_MARGIN = 1.0
 """Beyond the ramp (s): three sendings of the reading that sees the rest, the body's lag, a look in 50 ms."""
+
+
+async def carry_through(stop: Coroutine[Any, Any, T]) -> T:
+    """Run a stop to its end, however often its caller is cancelled meanwhile.
+
+    Raises CancelledError then, unless the stop was not confirmed: that has to be known.
+    """
+    try:
+        return await complete(stop)
+    except asyncio.CancelledError as cancelled:
+        if isinstance(cancelled.__cause__, StopNotConfirmed):
+            raise cancelled.__cause__ from None
+        raise
+
+
+async def with_error(error: BaseException | None, stop: Coroutine[Any, Any, object]) -> None:
+    """Run the stop that an error asks for; that it failed goes with the error, and before a cancellation."""
+    try:
+        await stop
+    except MedusaError as failed:
+        if error is None or isinstance(error, asyncio.CancelledError):
+            raise
+        if str(failed) not in getattr(error, "__notes__", ()):
+            error.add_note(str(failed))
 
 
 async def stop(driver: BaseDriver, readings: Readings, ramp: float) -> BaseReading:

@@ -1,0 +1,1 @@
+"""For tests and tools: an ideal base, and cancellation at random moments."""
