@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 
+from labmate.base.feeding import keep_fed
 from labmate.config import BaseConfig
 from labmate.driver import messages as m
 from labmate.errors import StopNotConfirmed
@@ -19,7 +20,6 @@ _FOUND_MOVING = 10.0
 """Longest ramp (s) that an earlier host's limits are granted: from 1 m/s at 0.1 m/s²."""
 _RAMP = 0
 """The base's only watchdog action: ramp to a stop."""
-_FEEDS_PER_TIMEOUT = 3
 _NEIGHBOURS = (0x01, 0x02, 0x10, 0x11)
 """Where else something answers when somebody mistook the port or the address: boards of a head, further bases."""
 
@@ -59,8 +59,9 @@ class Connection:
             ]
         await self._prepare()
         if self.config is not None and self._keeper is None:
-            period = self.config.safety.watchdog_ms * 1e-3 / _FEEDS_PER_TIMEOUT
-            self._keeper = asyncio.get_running_loop().create_task(self._keep_alive(period))
+            session = self.session
+            feed = keep_fed(self.config.safety.watchdog_ms * 1e-3, lambda: session.unfed, session.ping)
+            self._keeper = asyncio.get_running_loop().create_task(feed)
         return hello
 
     async def close(self, *, watchdog_off: bool) -> None:
@@ -131,20 +132,6 @@ class Connection:
         )
         await self.session.event_mask(m.EVENT_MASK)
         await self.session.watchdog(self.config.safety.watchdog_ms, _RAMP)
-
-    async def _keep_alive(self, period: float) -> None:
-        """PING whenever nothing else has fed the watchdog for a third of its time."""
-        while True:
-            rest = period - self.session.unfed
-            # A rest below the clock's resolution would be slept for ever.
-            if rest > 1e-3:
-                await asyncio.sleep(rest)
-                continue
-            try:
-                await self.session.ping()
-            except MedusaError as error:
-                _LOG.debug("%s: keep-alive: %s", self.path, error)
-                await asyncio.sleep(period)
 
 
 def _kind(hello: Hello) -> str:
