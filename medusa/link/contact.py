@@ -47,6 +47,10 @@ class Contact:
             self._away = away
         return now + self._away
 
+    def refusal(self) -> HostGap | None:
+        """Return the error for a motion that is asked for after a gap and before a new session; None without."""
+        return None if self.gap is None else HostGap(self.device, self.gap.gap, self.gap.watchdog)
+
     def arm(self, timeout: float, sent: float) -> None:
         """Take in that the device's watchdog is on (s) and was fed by a request first sent at this host time."""
         self._timeout = timeout

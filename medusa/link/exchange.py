@@ -74,8 +74,9 @@ class Exchange:
         """Take a request in: it is sent now, later, or finished with an error."""
         self.counters.requests += 1
         self.look(now)
-        if request.moves and self.contact.gap is not None:
-            self._host.finish(request, self._errors.after_gap(self.contact.gap))
+        refusal = self.contact.refusal() if request.moves else None
+        if refusal is not None:
+            self._host.finish(request, refusal)
             return
         if self.state is not State.OPEN:
             if not self._admits(request):

@@ -7,7 +7,6 @@ from medusa.errors import (
     CommandError,
     DeviceRestarted,
     DeviceSilent,
-    HostGap,
     MedusaError,
     NoReply,
     ProtocolError,
@@ -52,10 +51,6 @@ class Failures:
         """Return the error for one that gave way to a stop, or that a gap ended."""
         text = f"{self._asked(request)}: withdrawn {reason}"
         return Withdrawn(text, frame=request.frame, may_have_acted=gone)
-
-    def after_gap(self, gap: HostGap) -> HostGap:
-        """Return the error for a motion that is asked for after a gap and before a HELLO."""
-        return HostGap(gap.device, gap.gap, gap.watchdog)
 
     def silent(self, request: Request, reason: str) -> DeviceSilent:
         """Return the error for one to a device that does not answer."""

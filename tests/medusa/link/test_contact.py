@@ -164,7 +164,7 @@ def test_time_in_suspension_counts(watched: Any) -> None:
 def test_the_clocks_jitter_is_no_suspension(watched: Any) -> None:
     # Two clocks that are read one after the other differ by a little more or less each time.
     for step, jitter in enumerate((0.004, -0.003, 0.009, 0.0)):
-        watched.now, watched.suspended = 0.485 * (step + 1), jitter
+        watched.now, watched.suspended = 0.488 * (step + 1), jitter
         watched.ask(READ, reads=True)
         watched.answer_last()
     assert watched.gaps == []
