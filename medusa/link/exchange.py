@@ -30,6 +30,8 @@ WINDOW: Final = 4
 SENT_AFTER_REPEATABLE: Final = 7
 SILENCE_S: Final = 1.0
 NEVER: Final = float("inf")
+# A timer that comes this much too late shows that the host was stopped, or its loop blocked.
+_LATE_S: Final = 0.1
 # Timers may come this much early; float sums of seconds are exact to far less.
 _EARLY: Final = 1e-6
 
@@ -156,6 +158,10 @@ class Exchange:
     def expire(self, now: float) -> None:
         """Do what is due: repeat, give up, notice silence."""
         now += _EARLY
+        late = now - self.due
+        if self._unanswered_since is not None and late > _LATE_S:
+            # This host was away: its own silence is not the device's.
+            self._unanswered_since += late
         self.due = NEVER
         self.look(now)
         if self._unanswered_since is not None and now >= self._unanswered_since + SILENCE_S:

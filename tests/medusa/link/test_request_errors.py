@@ -13,6 +13,23 @@ HELLO, PING, EMERGENCY_STOP = 0x01, 0x02, 0x05
 READ, ACT, MOVE = 0x31, 0x32, 0x19
 
 
+def test_a_host_that_was_away_does_not_take_its_absence_for_the_devices_silence(desk: Any) -> None:
+    request = desk.ask(READ, reads=True)
+    # The reply was lost, and this host was stopped for five seconds: its next look is late.
+    desk.now = 5.0
+    desk.exchange.expire(desk.now)
+    assert desk.exchange.state is State.OPEN
+    assert [m.operation for m in desk.sent[1:]] == [READ, READ]
+    desk.answer_last(b"x")
+    assert desk.results[request] == b"x"
+    # What is silent from then on is silent a second later.
+    desk.ask(READ, reads=True)
+    desk.let_pass(0.99)
+    assert desk.exchange.state is State.OPEN
+    desk.let_pass(0.02)
+    assert desk.exchange.state is State.SILENT
+
+
 def test_a_device_that_answered_nothing_for_a_second_gets_only_hello_and_emergency_stop(desk: Any) -> None:
     under_way = desk.ask(READ, reads=True)
     desk.let_pass(0.9)
