@@ -72,7 +72,8 @@ class BaseDriver(ABC):
         self.limits = limits
         self.can = can
         self._subscribers: list[Callable[[Event], None]] = []
-        self._latched: set[Cause] = set()
+        self.latched: set[Cause] = set()
+        """What the host itself remembers, for a machine that does not (`can.latch`)."""
 
     @abstractmethod
     async def open(self) -> None:

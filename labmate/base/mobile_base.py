@@ -18,6 +18,7 @@ from labmate.base.reading import BaseReading
 from labmate.base.readings import Readings
 from labmate.base.report import MotionReport
 from labmate.base.travel import Travel
+from labmate.base.twist_travel import travel_by_twists
 from labmate.calibration import Calibration
 from labmate.errors import MotionStopped
 from labmate.odometry import UNCALIBRATED, Odometry, OdometryNoise, Pose, WheelGeometry
@@ -108,6 +109,10 @@ class MobileBase:
     async def read(self) -> BaseReading:
         """Read pose, speed and state now."""
         return await self._open_readings.read()
+
+    async def read_patiently(self) -> BaseReading:
+        """Read over a bad line; raises NoReply after a few attempts."""
+        return await self._open_readings.read_patiently()
 
     async def readings(self, rate_hz: float) -> AsyncIterator[BaseReading]:
         """A stream of readings; a line that repeats makes it late, never double."""
@@ -225,6 +230,8 @@ class MobileBase:
     async def _travel(self, kind: Kind, amount: float) -> MotionReport:
         if not isfinite(amount):
             raise CommandError(f"{kind} needs a finite number, not {amount}")
+        if not self.can.travels:
+            return await travel_by_twists(self, kind, amount)
         travel = Travel(kind, amount, self.driver, self._open_readings, self.poll_period)
         self.begin(travel)
         try:

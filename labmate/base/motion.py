@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from labmate.base.checks import check_twist
-from labmate.base.events import Event, Stopped
+from labmate.base.events import Cause, Event, Stopped
 from labmate.base.reading import BaseReading
 from labmate.errors import MotionStopped
 from medusa.errors import CommandError, MedusaError
@@ -108,7 +108,6 @@ class Motion:
         """End the motion: nothing is renewed any more and every later `twist` raises this."""
         if self._failure is None:
             self._failure = error
-            self._twist = None
             self._changed.set()
 
     async def _renew(self) -> None:
@@ -123,9 +122,10 @@ class Motion:
                 try:
                     await self._base.twist(*self._twist, motion=self)
                 except MedusaError as error:
-                    stopped = MotionStopped(f"the motion ended: {error}", reason="refused")
+                    reason = "refused" if isinstance(error, CommandError) else Cause.LOST.value
+                    stopped = MotionStopped(f"the motion ended: {error}", reason=reason)
                     stopped.__cause__ = error
-                    self.fail(error if isinstance(error, MotionStopped) else stopped)
+                    self.fail(stopped)
                     return
             try:
                 async with asyncio.timeout(period):

@@ -11,7 +11,7 @@ from labmate.base.events import UNTOUCHED, Cause, Event, Stopped, TravelEnded
 from labmate.base.readings import Readings
 from labmate.base.report import MotionReport, travelled
 from labmate.errors import MotionStopped
-from medusa.errors import CommandError, DeviceRestarted, NoReply, PortError, ProtocolError
+from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply, PortError, ProtocolError
 
 _LOG = logging.getLogger(__name__)
 
@@ -34,6 +34,7 @@ class Travel:
         self._readings = readings
         self._poll_period = poll_period
         self._end: asyncio.Future[TravelEnded] = asyncio.get_running_loop().create_future()
+        self._interrupted: MotionStopped | None = None
         self._after = 0.0
         self._touched = UNTOUCHED
 
@@ -73,11 +74,13 @@ class Travel:
 
     def stop_called(self, error: MotionStopped) -> None:
         """Do not begin any more; a base that travels reports by itself how the stop ended it."""
+        self._interrupted = error
         if not self.may_move:
             self.fail(error)
 
     def fail(self, error: MotionStopped) -> None:
         """End it: the base is read no more, has forgotten it, or must not begin."""
+        self._interrupted = error
         if not self._end.done():
             self._end.set_exception(error)
             # Retrieved by whoever waits; nobody may, while the command itself is still under way.
@@ -91,6 +94,11 @@ class Travel:
             await self._driver.travel(self.kind, self.commanded)
         except CommandError:
             self.may_move = False
+            raise
+        except MedusaError as error:
+            if self._interrupted is not None:
+                # Withdrawn for a stop, or lost: that is what ended it.
+                raise self._interrupted from error
             raise
 
     async def _await_end(self) -> TravelEnded:

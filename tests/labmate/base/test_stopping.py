@@ -170,6 +170,21 @@ async def test_a_stop_ramps_down_is_confirmed_and_ends_the_motion(
     await assert_it_stays(sim)
 
 
+@pytest.mark.parametrize("turn_of_the_loop", range(8))
+async def test_a_go_that_is_stopped_before_it_was_sent_is_never_sent(
+    base: MobileBase, sim: SimulatedBase, turn_of_the_loop: int
+) -> None:
+    device = sim.machine.device
+    device.journal = []
+    task: asyncio.Task[object] = asyncio.create_task(base.go(3.0))
+    # Its first reading takes 6 ms: it has not been sent yet.
+    await asyncio.sleep(turn_of_the_loop * 7e-4)
+    await base.stop()
+    await asyncio.wait([task])
+    assert outcome_of(task).reason == "stop"
+    assert m.GO.code not in [entry.operation for entry in device.journal]
+
+
 async def test_a_stall_is_told(base: MobileBase, sim: SimulatedBase) -> None:
     task = await going(base)
     sim.bench.inject("base.hold_wheels", held=True)
