@@ -1,14 +1,15 @@
-"""A base is at rest when what drove it returns, however often that was cancelled; by the emulator's truth."""
+"""A base is at rest when what drove it returns, however often that was cancelled; by the emulator's truth.
+
+The moments that were found wrong; the contract of a base cancels at random ones.
+"""
 
 import asyncio
-import random
 from collections.abc import Awaitable, Callable
 
 import pytest
 
 from labmate.base import MobileBase
-from labmate.simulation import SimulatedBase, simulated_base
-from labmate.testing.cancellation import PROGRAMS, cancel_at_random
+from labmate.simulation import SimulatedBase
 
 RAMP = 0.3 / 0.25
 
@@ -82,19 +83,3 @@ async def test_a_stop_that_is_cancelled_is_carried_through(sim: SimulatedBase, b
     await asyncio.wait((task,))
     assert task.cancelled()
     assert not moving(sim)
-
-
-@pytest.mark.parametrize("program", [*PROGRAMS, "go in its context", "motion in its context"])
-async def test_cancelled_at_random_one_to_three_times_it_is_at_rest(program: str) -> None:
-    rng = random.Random(f"cancellation {program}")
-    outcomes = []
-    async with simulated_base(seed=1) as sim:
-        for _ in range(40):
-            cancels = rng.randint(1, 3)
-            # Opening, 2.2 m at the limit's speed or two seconds of twists, the ramp down and the leaving.
-            outcomes.append(
-                await cancel_at_random(rng, sim.open, lambda: moving(sim), program, cancels, span=4.5)
-            )
-    assert [outcome for outcome in outcomes if outcome.moving or outcome.moved_later] == []
-    # The cancellations came in time: the shortest of them runs for half of the span.
-    assert sum(outcome.ended == "cancelled" for outcome in outcomes) > 10
