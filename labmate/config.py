@@ -135,12 +135,12 @@ class CalibrationFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
         if self.nominal.counts_per_metre != counts_per_metre:
             raise ConfigError(
                 self.file, "nominal.counts_per_metre", self.nominal.counts_per_metre,
-                f"the base says {counts_per_metre:.0f}: this calibration is of another base",
+                f"the base reports {counts_per_metre:.0f}: this calibration is of another base",
             )  # fmt: skip
         if abs(self.nominal.wheel_base_mm - 1e3 * wheel_base) > 0.05:
             raise ConfigError(
                 self.file, "nominal.wheel_base_mm", self.nominal.wheel_base_mm,
-                f"the base says {1e3 * wheel_base:.1f}: this calibration is of another base",
+                f"the base reports {1e3 * wheel_base:.1f}: this calibration is of another base",
             )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """Driving by keys: which command the keyboard gives now, and when it has gone silent. Pure.
 
-A terminal tells that a key went down, never that it came up. A key that is held repeats: first after up to
+A terminal reports that a key went down, never that it came up. A key that is held repeats: first after up to
 0.66 s, then some thirty times a second. So the first stroke is believed for 0.7 s and every repeat for 0.25 s.
 """
 

@@ -167,8 +167,8 @@ def draw(path: Path, result: SquareResult) -> None:
             marker = "o" if run.direction == "ccw" else "s"
             x, y = 1e3 * closing_error.x, 1e3 * closing_error.y
             distance = 1e3 * closing_error.distance
-            told = f"{label}, {run.direction}: {distance:.{1 if distance >= 1.0 else 2}f} mm"
-            ends.plot(x, y, marker=marker, color=colour, markersize=8, linestyle="none", label=told)
+            text = f"{label}, {run.direction}: {distance:.{1 if distance >= 1.0 else 2}f} mm"
+            ends.plot(x, y, marker=marker, color=colour, markersize=8, linestyle="none", label=text)
     ends.axhline(0.0, color="#888888", linewidth=0.8)
     ends.axvline(0.0, color="#888888", linewidth=0.8)
     ends.set_title(f"Wheel base {1e3 * found.wheel_base:.2f} mm, right/left {found.wheel_ratio:.5f}")

@@ -91,7 +91,7 @@ class CommandError(MedusaError):
 
 
 class DeviceFault(MedusaError):
-    """The machine stopped, or cannot be trusted any more; `axis` is the one concerned (None: all)."""
+    """The machine stopped, or its state is unknown; `axis` is the one concerned (None: all)."""
 
     origin: ClassVar[Origin] = "device"
 
