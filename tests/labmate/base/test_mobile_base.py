@@ -92,16 +92,16 @@ async def test_lower_limits_are_sent_and_kept(sim: SimulatedBase) -> None:
 async def test_a_turn_rate_of_7_1_degrees_a_second_is_held_within_a_hundredth(
     base: MobileBase, sim: SimulatedBase
 ) -> None:
-    async def steer(seconds: float) -> None:
+    async def drive(seconds: float) -> None:
         end = sim.clock() + seconds
         while sim.clock() < end - 1e-6:
             motion.twist(0.08, radians(7.1))
             await asyncio.sleep(0.1)
 
     async with base.motion() as motion:
-        await steer(1.5)
+        await drive(1.5)
         before = await base.read()
-        await steer(10.0)
+        await drive(10.0)
         after = await base.read()
     seconds = after.stamp - before.stamp
     held = degrees(after.own_pose.heading - before.own_pose.heading) / seconds
@@ -146,23 +146,6 @@ async def test_one_drive_runs_out_by_itself(base: MobileBase, sim: SimulatedBase
     stood = sim.true_pose()
     await asyncio.sleep(2.0)
     assert sim.true_pose() == stood
-
-
-async def test_one_motion_at_a_time(base: MobileBase) -> None:
-    going = asyncio.create_task(base.go(1.0))
-    await asyncio.sleep(0.5)
-    for attempt in (base.go(0.1), base.turn(0.1)):
-        with pytest.raises(CommandError, match="already being moved"):
-            await attempt
-    with pytest.raises(CommandError, match="already being moved"):
-        async with base.motion():
-            pass
-    assert (await going).travelled == pytest.approx(1.0, abs=2e-3)
-    async with base.motion():
-        with pytest.raises(CommandError, match="already being moved"):
-            await base.go(1.0)
-        with pytest.raises(CommandError, match="already being moved"):
-            await base.twist(0.1, 0.0)
 
 
 async def test_go_on_a_base_that_still_runs_out_a_drive_is_refused(base: MobileBase) -> None:

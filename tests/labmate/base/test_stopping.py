@@ -93,10 +93,10 @@ async def test_a_wall_stops_a_go_before_the_base_is_through_it(base: MobileBase,
     assert (await base.go(-0.3)).ending is Cause.REACHED
 
 
-async def test_a_bumper_takes_the_steering_away_until_a_new_one_is_asked_for(
+async def test_a_bumper_ends_a_motion_until_a_new_one_is_asked_for(
     base: MobileBase, sim: SimulatedBase
 ) -> None:
-    async def steer() -> None:
+    async def drive() -> None:
         async with base.motion(hold=0.5) as motion:
             for tick in range(40):
                 motion.twist(0.2, 0.0)
@@ -107,7 +107,7 @@ async def test_a_bumper_takes_the_steering_away_until_a_new_one_is_asked_for(
                     sim.bench.inject("base.release_bumper", side="front")
 
     with pytest.raises(MotionStopped, match="the front bumper was pressed") as caught:
-        await steer()
+        await drive()
     assert caught.value.reason == "bumper"
     await assert_it_stays(sim)
     async with base.motion() as again:
@@ -218,15 +218,6 @@ async def test_the_watchdog_stops_a_go_that_the_host_no_longer_feeds(
     await assert_it_stays(sim)
 
 
-async def test_cancelling_a_go_stops_the_base_before_it_returns(base: MobileBase, sim: SimulatedBase) -> None:
-    task = await going(base)
-    task.cancel()
-    await asyncio.wait([task])
-    assert task.cancelled()
-    assert (await base.read()).at_rest
-    await assert_it_stays(sim)
-
-
 async def test_a_timeout_around_a_turn_stops_the_base(base: MobileBase, sim: SimulatedBase) -> None:
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(2.0):
@@ -248,49 +239,6 @@ async def test_leaving_the_context_leaves_the_base_standing_and_its_watchdog_off
     await assert_it_stays(sim)
     async with sim.open() as again:
         assert (await again.driver.counters())["watchdog_trips"] == 0
-
-
-async def test_steering_ends_with_the_task_that_steers(base: MobileBase, sim: SimulatedBase) -> None:
-    async def steer() -> None:
-        motion = await base.motion(hold=2.0).__aenter__()
-        motion.twist(0.3, 0.0)
-        await asyncio.sleep(1.5)
-        # The task dies without leaving the context: nobody drives any more.
-
-    task = asyncio.create_task(steer())
-    await task
-    # One DRIVE may be as young as the task's end: 0.3 s, then the ramp.
-    assert await rest_after(sim, 0.3 + RAMP + 8 * POLE) > 0.2 + RAMP
-    await assert_it_stays(sim)
-
-
-async def test_steering_by_a_task_that_hangs_ends_with_its_last_words(
-    base: MobileBase, sim: SimulatedBase
-) -> None:
-    async with base.motion(hold=0.5) as motion:
-        motion.twist(0.3, 0.0)
-        await asyncio.sleep(0.45)
-        assert sim.bench.state()["base"]["mode"] == "drive"
-        motion.twist(0.3, 0.0)
-        at = sim.clock()
-        await rest_after(sim, 0.5 + 0.1 + 0.3 + RAMP + 8 * POLE)
-        assert sim.clock() - at > 0.5
-        await assert_it_stays(sim)
-        # It wakes up and speaks again: that is a new command.
-        motion.twist(0.1, 0.0)
-        await asyncio.sleep(0.3)
-        assert (await base.read()).speed > 0.05
-
-
-async def test_a_stop_from_elsewhere_takes_the_steering_away(base: MobileBase, sim: SimulatedBase) -> None:
-    async with base.motion(hold=2.0) as motion:
-        motion.twist(0.2, 0.0)
-        await asyncio.sleep(1.0)
-        await base.stop()
-        await assert_it_stays(sim)
-        with pytest.raises(MotionStopped, match="STOP was called"):
-            motion.twist(0.2, 0.0)
-        await assert_it_stays(sim)
 
 
 async def test_a_pulled_cable_is_told_at_once_and_the_base_stops_by_itself(
@@ -349,8 +297,8 @@ async def test_a_restart_in_motion_is_told_and_voids_the_pose(base: MobileBase, 
     assert (await base.go(0.2)).travelled == pytest.approx(0.2, abs=2e-3)
 
 
-async def test_a_restart_while_steering_is_told(base: MobileBase, sim: SimulatedBase) -> None:
-    async def steer() -> None:
+async def test_a_restart_during_a_motion_is_reported(base: MobileBase, sim: SimulatedBase) -> None:
+    async def drive() -> None:
         async with base.motion() as motion:
             for tick in range(20):
                 motion.twist(0.2, 0.0)
@@ -359,7 +307,7 @@ async def test_a_restart_while_steering_is_told(base: MobileBase, sim: Simulated
                     sim.bench.inject("base.restart")
 
     with pytest.raises(MotionStopped) as caught:
-        await steer()
+        await drive()
     assert isinstance(caught.value.__cause__, DeviceRestarted)
     await rest_after(sim, 8 * POLE)
     await assert_it_stays(sim)
