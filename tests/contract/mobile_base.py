@@ -685,7 +685,7 @@ class MobileBaseContract:
             await cancel_at_random(
                 rng, world.open, lambda: world.truth().moving, program, rng.randint(1, 3), span=4.5
             )
-            for _ in range(25)
+            for _ in range(15)
         ]
         assert [outcome for outcome in outcomes if outcome.moving or outcome.moved_later] == []
         assert any(outcome.ended == "cancelled" for outcome in outcomes)
