@@ -12,7 +12,7 @@ from labmate.base.events import Cause
 from labmate.base.reading import BaseReading
 from labmate.base.readings import Readings
 from labmate.errors import StopNotConfirmed
-from medusa.completion import complete
+from medusa.completion import run_to_completion
 from medusa.errors import MedusaError, NoReply, PortError
 
 _LOG = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ async def carry_through(stop: Coroutine[Any, Any, T]) -> T:
     Raises CancelledError then, unless the stop was not confirmed: that has to be known.
     """
     try:
-        return await complete(stop)
+        return await run_to_completion(stop)
     except asyncio.CancelledError as cancelled:
         if isinstance(cancelled.__cause__, StopNotConfirmed):
             raise cancelled.__cause__ from None

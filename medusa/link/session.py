@@ -284,7 +284,7 @@ class Session:
 
     def interrupted(self, gap: HostGap) -> None:
         """The device's watchdog has expired: no motion before `open()`."""
-        log.warning("%s", gap)
+        log.debug("%s", gap)
         self.may_move = False
         _notify(self._gap_watchers, gap)
 
