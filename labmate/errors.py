@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from medusa.errors import CommandError, DeviceFault, MedusaError, Origin
-
-if TYPE_CHECKING:
-    from labmate.base.report import MotionReport
 
 
 class MotionStopped(DeviceFault):
     """A motion ended before its goal, or by something else than its program; `reason` is one word or two.
 
-    `report` is there for a GO or TURN whose end the base reported (None otherwise).
+    `report` is the MotionReport of a GO or TURN whose end the base reported (None otherwise).
     """
 
-    def __init__(self, message: str, *, reason: str, report: MotionReport | None = None) -> None:
+    def __init__(self, message: str, *, reason: str, report: object | None = None) -> None:
         super().__init__(message)
         self.reason = reason
         self.report = report
 
 
 class StopNotConfirmed(DeviceFault):
-    """The base was told to stop and was not read at rest afterwards."""
+    """The base was stopped, and not read at rest afterwards."""
 
 
 class StalePose(MedusaError):

@@ -14,7 +14,7 @@ import msgspec
 from sim_devices.link.faults import FaultPlan
 from sim_devices.link.line import Device, Line
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 class Part(Protocol):
@@ -149,7 +149,7 @@ class Bench:
             raise UnknownVerb(f"{verb}{_arguments(call)}: {error}") from None
         _check_types(call, arguments)
         self._advance()
-        logger.info("inject %s %s", verb, arguments)
+        log.info("inject %s %s", verb, arguments)
         try:
             return call(**arguments)
         finally:

@@ -15,7 +15,7 @@ from typing import Any
 
 from sim_devices.bench import Bench, UnknownVerb
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 SOCKET_NAME = "control"
 _LONGEST_PATH = 107
@@ -54,7 +54,7 @@ class ControlServer:
                 writer.write(json.dumps(self._answer(line)).encode() + b"\n")
                 await writer.drain()
         except (ConnectionError, ValueError) as error:
-            logger.debug("control client: %s", error)
+            log.debug("control client: %s", error)
         finally:
             writer.close()
 
@@ -75,7 +75,7 @@ class ControlServer:
         except (UnknownVerb, ValueError, TypeError, OSError) as error:
             return {"error": f"{verb}: {error}" if isinstance(error, TypeError) else str(error)}
         except Exception:
-            logger.exception("verb %s failed", verb)
+            log.exception("verb %s failed", verb)
             return {"error": f"{verb} failed; the bench's log says how"}
 
 

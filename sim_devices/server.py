@@ -14,7 +14,7 @@ from sim_devices.control import ControlServer
 from sim_devices.rendered import RenderedWorld
 from sim_devices.stream import CameraStream
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 async def serve(
@@ -58,6 +58,6 @@ def _happen(bench: Bench, incident: Incident) -> None:
     try:
         bench.inject(incident.verb, **incident.arguments)
     except (UnknownVerb, ValueError, OSError) as error:
-        logger.error("incident %s at %g s: %s", incident.verb, incident.time_s, error)
+        log.error("incident %s at %g s: %s", incident.verb, incident.time_s, error)
     except Exception:
-        logger.exception("incident %s at %g s failed", incident.verb, incident.time_s)
+        log.exception("incident %s at %g s failed", incident.verb, incident.time_s)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim_devices.camera import Picture, SimulatedCamera
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 _FRAMES_AHEAD = 2
 
 
@@ -70,7 +70,7 @@ class CameraStream:
             while await reader.read(1024):
                 pass
         except ConnectionError as error:
-            logger.debug("a client of camera %s is gone: %s", self._camera.name, error)
+            log.debug("a client of camera %s is gone: %s", self._camera.name, error)
         finally:
             self._clients.discard(writer)
             writer.close()

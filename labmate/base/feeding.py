@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 
 from medusa.errors import MedusaError
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _FEEDS_PER_TIMEOUT = 3
 
@@ -30,5 +30,5 @@ async def keep_fed(
         try:
             await ping()
         except MedusaError as error:
-            _LOG.debug("keep-alive: %s", error)
+            log.debug("keep-alive: %s", error)
             await asyncio.sleep(period)

@@ -24,7 +24,7 @@ from labmate.errors import MotionStopped
 from labmate.odometry import UNCALIBRATED, Odometry, OdometryNoise, Pose, WheelGeometry
 from medusa.errors import CommandError, DeviceFault, DeviceRestarted, HostGap, MedusaError
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _UNKNOWN_RAMP = 5.0
 """Time for a stop (s) when the limits are not ours: an earlier host may have set a slow ramp."""
@@ -194,7 +194,7 @@ class MobileBase:
         await self.driver.open()
         restarted = isinstance(self._lost, DeviceRestarted)
         self._lost = None
-        _LOG.info("%s: the base is ready again", self.driver.name)
+        log.info("%s: the base is ready again", self.driver.name)
         reading = await self.read()
         if restarted:
             self._open_readings.restart_odometry(reading.own_pose)
@@ -280,7 +280,7 @@ class MobileBase:
 
     def _take_event(self, event: Event) -> None:
         if isinstance(event, LowBattery):
-            _LOG.warning("the battery is low: no new GO is begun")
+            log.warning("the battery is low: no new GO is begun")
         if isinstance(event, Stopped) and event.error is not None:
             self._lose(event.error)
             if self._motion is not None:

@@ -11,28 +11,46 @@ from __future__ import annotations
 import asyncio
 import logging
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Protocol, Self
 
 from labmate.base.checks import check_twist
+from labmate.base.driver import Capabilities, Limits
 from labmate.base.events import Cause, Event, Stopped
 from labmate.base.reading import BaseReading
 from labmate.errors import MotionStopped
 from medusa.errors import CommandError, MedusaError
 
-if TYPE_CHECKING:
-    from labmate.base.mobile_base import MobileBase
-
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _RENEWALS = 3
 """Twists within the validity of one, so that a lost frame and its repeats do not interrupt the motion."""
 SHORTEST_HOLD, LONGEST_HOLD = 0.1, 2.0
 
 
+class Moved(Protocol):
+    """What a motion needs of the base that it moves."""
+
+    @property
+    def can(self) -> Capabilities: ...
+
+    @property
+    def limits(self) -> Limits: ...
+
+    def begin(self, motion: Motion) -> None: ...
+
+    def end(self, motion: Motion) -> None: ...
+
+    async def twist(
+        self, speed: float, turn_rate: float, valid: float | None = None, *, motion: Motion | None = None
+    ) -> None: ...
+
+    async def stop(self) -> BaseReading: ...
+
+
 class Motion:
     """`async with base.motion() as motion: motion.twist(speed, turn_rate)`; leaving it stops the base."""
 
-    def __init__(self, base: MobileBase, hold: float) -> None:
+    def __init__(self, base: Moved, hold: float) -> None:
         if not SHORTEST_HOLD <= hold <= LONGEST_HOLD:
             raise CommandError(f"a twist may be held for {SHORTEST_HOLD} to {LONGEST_HOLD:g} s, not {hold} s")
         self._base = base
@@ -64,7 +82,7 @@ class Motion:
             # A lost line is reported by itself; what ended the motion is the better account.
             if self._failure is None and (error is None or isinstance(error, asyncio.CancelledError)):
                 raise
-            _LOG.warning("the stop after a motion was not confirmed", exc_info=True)
+            log.warning("the stop after a motion was not confirmed", exc_info=True)
         if self._failure is not None and error is None and not self._reported:
             raise self._failure
 
@@ -116,7 +134,7 @@ class Motion:
         while self._failure is None and not (self._opened_by is not None and self._opened_by.done()):
             self._changed.clear()
             if self._twist is not None and loop.time() - self._given_at > self._hold:
-                _LOG.warning("no twist for %.2f s: the base runs out", self._hold)
+                log.warning("no twist for %.2f s: the base runs out", self._hold)
                 self._twist = None
             if self._twist is not None:
                 try:

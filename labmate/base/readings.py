@@ -12,7 +12,7 @@ from labmate.base.reading import BaseReading
 from labmate.odometry import START, Odometry, Pose
 from medusa.errors import CommandError, DeviceSilent, NoReply
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _ATTEMPTS = 4
 
@@ -53,7 +53,7 @@ class Readings:
             except DeviceSilent:
                 raise
             except NoReply as error:
-                _LOG.warning("reading the base: %s", error)
+                log.warning("reading the base: %s", error)
         return await self.read()
 
     def steerable(self) -> BaseReading:

@@ -15,7 +15,7 @@ from labmate.errors import StopNotConfirmed
 from medusa.completion import run_to_completion
 from medusa.errors import MedusaError, NoReply, PortError
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -92,5 +92,5 @@ async def _confirm_rest(readings: Readings, seconds: float) -> BaseReading:
                 if reading.at_rest and reading.time >= since:
                     return reading
             except NoReply as error:
-                _LOG.warning("confirming the stop: %s", error)
+                log.warning("confirming the stop: %s", error)
             await asyncio.sleep(_CONFIRM_PERIOD)

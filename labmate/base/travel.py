@@ -13,7 +13,7 @@ from labmate.base.report import MotionReport, travelled
 from labmate.errors import MotionStopped
 from medusa.errors import CommandError, DeviceRestarted, MedusaError, NoReply, PortError, ProtocolError
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _EVENT_PATIENCE = 1.0
 """A base at rest that has not reported the end of its motion in this time (s) lost the event."""
@@ -115,7 +115,7 @@ class Travel:
                 continue
             except NoReply as error:
                 # One unlucky reading; a silent line is reported by the driver.
-                _LOG.warning("%s: %s", self.kind, error)
+                log.warning("%s: %s", self.kind, error)
                 continue
             if not reading.at_rest:
                 idle_since = None

@@ -5,26 +5,39 @@ from __future__ import annotations
 import asyncio
 import logging
 from math import copysign, sqrt
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from labmate.base.checks import check_travel
-from labmate.base.driver import Kind
+from labmate.base.driver import Capabilities, Kind, Limits
 from labmate.base.events import UNTOUCHED, Cause
+from labmate.base.motion import Motion
 from labmate.base.reading import BaseReading
 from labmate.base.report import MotionReport, travelled
 from labmate.errors import MotionStopped
 from medusa.errors import MedusaError, NoReply
-
-if TYPE_CHECKING:
-    from labmate.base.mobile_base import MobileBase
-    from labmate.base.motion import Motion
 
 _PERIOD = 0.05
 _DELAY = _PERIOD + 0.02
 """For how long a speed may hold before the next one acts (s): the period, a reading, a twist under way."""
 
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
+
+
+class Travelling(Protocol):
+    """What a travel by twists needs of the base that it drives."""
+
+    @property
+    def can(self) -> Capabilities: ...
+
+    @property
+    def limits(self) -> Limits: ...
+
+    def motion(self) -> Motion: ...
+
+    async def read(self) -> BaseReading: ...
+
+    async def read_patiently(self) -> BaseReading: ...
 
 
 def approach_speed(remaining: float, delay: float, limit: float, acceleration: float) -> float:
@@ -37,7 +50,7 @@ def approach_speed(remaining: float, delay: float, limit: float, acceleration: f
     return copysign(min(speed, limit), remaining)
 
 
-async def travel_by_twists(base: MobileBase, kind: Kind, amount: float) -> MotionReport:
+async def travel_by_twists(base: Travelling, kind: Kind, amount: float) -> MotionReport:
     """Drive a GO (m) or TURN (rad) to within half of `can.arrival`, and stop.
 
     Raises CommandError (did not begin) or MotionStopped (did not arrive, or not in twice the time it takes).
@@ -79,7 +92,7 @@ async def travel_by_twists(base: MobileBase, kind: Kind, amount: float) -> Motio
     )
 
 
-async def _read_again(base: MobileBase, motion: Motion) -> BaseReading:
+async def _read_again(base: Travelling, motion: Motion) -> BaseReading:
     """Read a period later; while nothing answers no twist is given, and the last one runs out."""
     while True:
         await asyncio.sleep(_PERIOD)
@@ -90,4 +103,4 @@ async def _read_again(base: MobileBase, motion: Motion) -> BaseReading:
                 raise motion.failure from error
             if not isinstance(error, NoReply):
                 raise
-            _LOG.warning("travelling by twists: %s", error)
+            log.warning("travelling by twists: %s", error)

@@ -13,7 +13,7 @@ from labmate.errors import StopNotConfirmed
 from medusa.errors import MedusaError, NoReply, PortError
 from medusa.link import Event, Hello, Line, Operation, Session
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _MC3000 = 1
 _FOUND_MOVING = 10.0
@@ -72,7 +72,7 @@ class Connection:
             try:
                 await self.session.watchdog(0)
             except MedusaError as error:
-                _LOG.warning("%s: the watchdog stays on: %s", self.path, error)
+                log.warning("%s: the watchdog stays on: %s", self.path, error)
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self._unsubscribe.clear()

@@ -28,7 +28,7 @@ from medusa.errors import (
 )
 from medusa.link import Event, Line, Operation
 
-_LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _STOP_ATTEMPTS = 3
 _REFUSED_FOR_ITS_STATE = (8, 9)
@@ -162,7 +162,7 @@ class Labmate(BaseDriver):
             except NoReply as error:
                 if not left:
                     raise
-                _LOG.warning("STOP: %s", error)
+                log.warning("STOP: %s", error)
             else:
                 return
 
@@ -205,15 +205,15 @@ class Labmate(BaseDriver):
         try:
             content = m.BaseEvent.decode(event.payload)
         except ProtocolError as error:
-            _LOG.error("event %02XH: %s", event.operation, error)
+            log.error("event %02XH: %s", event.operation, error)
             return
-        _LOG.info("%s, detail %d", m.EVENT_NAMES.get(event.operation, "unknown event"), content.detail)
+        log.info("%s, detail %d", m.EVENT_NAMES.get(event.operation, "unknown event"), content.detail)
         stamp = self._clock.seconds(content.time_us)
         if event.operation == m.EVENT_MOTION_DONE:
             try:
                 cause = _ENDINGS[m.Ending(content.detail)]
             except ValueError:
-                _LOG.error("a motion ended with detail %d, known are 0–5", content.detail)
+                log.error("a motion ended with detail %d, known are 0–5", content.detail)
                 return
             self.publish(TravelEnded(cause, Pose(content.x, content.y, content.heading), stamp))
         elif event.operation == m.EVENT_BATTERY_LOW:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypeVar
+from typing import Protocol, TypeVar
 
 from medusa.errors import CommandError, DeviceRestarted, HostGap, MedusaError, PortError
 from medusa.link.contact import Contact
@@ -33,12 +33,31 @@ from medusa.link.reply_future import ReplyFuture
 from medusa.link.request import Request
 from medusa.link.stream import EventStream
 
-if TYPE_CHECKING:
-    from medusa.link.line import Line
-
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
+
+
+class SessionLine(Protocol):
+    """What a session needs of the line that carries it."""
+
+    path: str
+    closed_because: str
+    reply_timeout: float
+    suspended: Callable[[], float]
+
+    @property
+    def is_open(self) -> bool: ...
+
+    def write(self, frame: bytes) -> None: ...
+
+    def dequeue(self, frame: bytes) -> bool: ...
+
+    def nonce(self) -> int: ...
+
+    def wake(self, reply: ReplyFuture) -> None: ...
+
+    def recover(self) -> None: ...
 
 
 class Session:
@@ -49,7 +68,7 @@ class Session:
     the driver calls `open()` again: it has to restore watchdog, event mask and settings first.
     """
 
-    def __init__(self, line: "Line", address: int) -> None:
+    def __init__(self, line: SessionLine, address: int) -> None:
         self.line = line
         self.address = address
         self.hello: Hello | None = None

@@ -12,7 +12,7 @@ from sim_devices.link.frame import FrameFault, FrameReceiver, Kind, Message, enc
 
 __all__ = ["Application", "Executed", "LinkDevice", "Refused", "first_boot_count"]
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 PROTOCOL = 1
 WHOLE_DEVICE = 0x0F
@@ -154,7 +154,7 @@ class LinkDevice:
         except Refused as refusal:
             status = refusal.status
         except Exception:
-            logger.exception(
+            log.exception(
                 "device %02XH failed in operation %02XH, no answer", self.address, message.operation
             )
             return b""

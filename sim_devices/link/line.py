@@ -13,7 +13,7 @@ from sim_devices.link.faults import Direction, FaultPlan, FaultyWire
 from sim_devices.link.pty_port import PtyPort, place_link, remove_link
 from sim_devices.link.wire import Wire
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 BITS_PER_BYTE = 10
 # Bytes that wait for the wire before the line stops reading, as the buffer of a UART's driver.
@@ -149,7 +149,7 @@ class Line:
             raise
         self._port = port
         self._listen(True)
-        logger.info("line %s is served at %s", self.name, self.path)
+        log.info("line %s is served at %s", self.name, self.path)
 
     def unplug(self) -> None:
         """Pull the cable: clients are hung up on, bytes on the wire are lost, the devices run on."""
@@ -162,7 +162,7 @@ class Line:
         self._port = None
         self._inbound.clear()
         self._outbound.clear()
-        logger.info("line %s is hung up", self.name)
+        log.info("line %s is hung up", self.name)
 
     def hang_up(self, seconds: float) -> None:
         """Pull the cable and put it in again after a time."""
@@ -271,7 +271,7 @@ class Line:
                 try:
                     device.receive(data, t)
                 except Exception:
-                    logger.exception("a device on line %s failed on %s", self.name, data.hex(" "))
+                    log.exception("a device on line %s failed on %s", self.name, data.hex(" "))
             self._ask_devices()
             if self.on_receive is not None:
                 self.on_receive()
@@ -290,7 +290,7 @@ class Line:
             try:
                 device.advance_to(t)
             except Exception:
-                logger.exception("a device on line %s failed", self.name)
+                log.exception("a device on line %s failed", self.name)
                 self._dues[n] = t + _FAILED_DEVICE_PAUSE_S
                 continue
             due = device.next_due()
@@ -303,7 +303,7 @@ class Line:
             try:
                 due = device.next_due()
             except Exception:
-                logger.exception("a device on line %s failed", self.name)
+                log.exception("a device on line %s failed", self.name)
                 due = self._loop.time() + _FAILED_DEVICE_PAUSE_S
             self._dues[n] = inf if due is None else due
         self._wake_due = min(self._dues, default=inf)

@@ -8,7 +8,7 @@ import termios
 import tty
 from pathlib import Path
 
-logger = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 _READ_SIZE = 4096
 
