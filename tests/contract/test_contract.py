@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.contract.mobile_base import INCIDENTS, MobileBaseContract, World
+from labmate.testing.base_contract import INCIDENTS, MobileBaseContract, World
 
 TESTS = {
     name: test

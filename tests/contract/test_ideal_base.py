@@ -6,9 +6,9 @@ from contextlib import asynccontextmanager
 
 from labmate.base import Bumper, Cause, MobileBase
 from labmate.base.events import UNTOUCHED
+from labmate.testing.base_contract import MobileBaseContract, Truth, World
 from labmate.testing.ideal_base import LIMITS, IdealBase
 from labmate.testing.ideal_machine import IdealMachine
-from tests.contract.mobile_base import MobileBaseContract, Truth, World
 
 
 class TestIdealBase(MobileBaseContract):

@@ -4,8 +4,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from labmate.simulation import simulated_base
+from labmate.testing.base_contract import MobileBaseContract, Truth, World
 from sim_devices.labmate import BaseConfig as EmulatedConfig
-from tests.contract.mobile_base import MobileBaseContract, Truth, World
 
 # Wheels as the base itself computes with them: what it reckons is where it is.
 TRUE_WHEELS = EmulatedConfig(wheel_base=0.340, diameter_ratio=1.0)
