@@ -15,7 +15,7 @@ from sim_devices.worlds.walls import carrier_of
 from sim_devices.worlds.world import World
 
 EYE_RADIUS, EYE_ANGLE = 0.34, radians(72.0)
-"""Polar coordinates of the side eyes on the base, x ahead (thesis 3.3.2)."""
+"""Polar coordinates of the right eye on the base (thesis 3.3.2): ρ sin θ ahead and ρ cos θ aside (its Ẋ, Ẏ)."""
 EYE_HEIGHT = 0.35
 """Ours: just above the body."""
 
@@ -25,7 +25,7 @@ def side_eyes(**changes: Any) -> tuple[CarriedCameraConfig, CarriedCameraConfig]
 
     256 x 256 pixels, f = 192 pixels, 12.5 Hz, noise of 2 grey levels; ``changes`` replace fields of both.
     """
-    forward, aside = EYE_RADIUS * cos(EYE_ANGLE), EYE_RADIUS * sin(EYE_ANGLE)
+    forward, aside = EYE_RADIUS * sin(EYE_ANGLE), EYE_RADIUS * cos(EYE_ANGLE)
     left, right = (
         CarriedCameraConfig(
             **{

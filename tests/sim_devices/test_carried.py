@@ -48,7 +48,7 @@ def predicted_flow(
 
     def camera(pose: Pose) -> tuple[Array, Array, Array]:
         x, y, h = pose
-        forward, aside = RHO * cos(THETA), side * RHO * sin(THETA)
+        forward, aside = RHO * sin(THETA), side * RHO * cos(THETA)
         centre = np.array([x + forward * cos(h) - aside * sin(h), y + forward * sin(h) + aside * cos(h)])
         axis = side * np.array([-sin(h), cos(h)])
         return centre, axis, np.array([axis[1], -axis[0]])  # the image's right is right of the axis
@@ -103,7 +103,7 @@ def test_measured_flow_of_a_wall_is_the_predicted_one(side: float, distance: flo
     scales = []
     for seed in range(4):
         slant, heading = rng.uniform(-0.35, 0.35), rng.uniform(-0.1, 0.1)
-        step = shift_px * (distance - RHO * sin(THETA)) / F
+        step = shift_px * (distance - RHO * cos(THETA)) / F
         turn = step * rng.uniform(-0.3, 0.3)
         before, after = (0.0, 0.0, heading), (step * cos(heading), step * sin(heading), heading + turn)
         plan = alongside(distance, slant, side)
@@ -119,15 +119,16 @@ def test_measured_flow_of_a_wall_is_the_predicted_one(side: float, distance: flo
 
 
 def test_the_eyes_sit_at_their_polar_place_and_look_straight_aside() -> None:
+    # The right one at ρ(cos θ, sin θ) with X to the right and Y ahead, as (3.9) and (3.15) need it.
     left, right = side_eyes()
-    assert [left.mount.x, left.mount.y] == pytest.approx([0.105, 0.323], abs=5e-4)  # methods: corridor
-    assert [right.mount.x, right.mount.y] == pytest.approx([0.105, -0.323], abs=5e-4)
+    assert [left.mount.x, left.mount.y] == pytest.approx([0.323, 0.105], abs=5e-4)
+    assert [right.mount.x, right.mount.y] == pytest.approx([0.323, -0.105], abs=5e-4)
     for side, config in ((1.0, left), (-1.0, right)):
         frame = eye(side, Plan(), at(1.0, 2.0, pi / 2.0)).pose(0.0)
         # The base looks along y: its left is -x.
         assert frame.rotation[:, 2] == pytest.approx([-side, 0.0, 0.0], abs=1e-12)
         assert frame.rotation[:, 1] == pytest.approx([0.0, 0.0, -1.0], abs=1e-12)
-        assert frame.position == pytest.approx([1.0 - side * RHO * sin(THETA), 2.0 + RHO * cos(THETA), 0.35])
+        assert frame.position == pytest.approx([1.0 - side * RHO * cos(THETA), 2.0 + RHO * sin(THETA), 0.35])
         assert config.optics.fx == 192.0
 
 
@@ -148,7 +149,7 @@ def test_a_camera_exposes_where_the_base_is_and_not_where_it_believes_to_be() ->
     x, y, heading = machine.pose(5.0)
     believed = machine.base.motion.body.odometry
     assert abs(heading - believed.heading) > 0.1  # 5 % of 1 m on 0.337 m
-    aside, forward = RHO * sin(THETA), RHO * cos(THETA)
+    aside, forward = RHO * cos(THETA), RHO * sin(THETA)
     assert seen.position[:2] == pytest.approx(
         [x + forward * cos(heading) - aside * sin(heading), y + forward * sin(heading) + aside * cos(heading)]
     )
@@ -171,7 +172,7 @@ def test_a_window_outside_the_image_is_refused() -> None:
 def row_of(side: float, **changes: object) -> Array:
     """A dark wall 1 m beside the base with a light one 0.2 m wide in its middle: one row of the image."""
     dark, light = TextureConfig(kind="bare", mean=50.0), TextureConfig(kind="bare", mean=200.0)
-    x, y = RHO * cos(THETA), side
+    x, y = RHO * sin(THETA), side
     plan = Plan(
         wall=[
             Wall(points=[(x - 8.0, y), (x + 8.0, y)], texture=dark),
@@ -188,7 +189,7 @@ def edges(row: Array) -> Array:
 
 
 def test_a_wrong_focal_length_is_what_the_camera_file_does_not_know() -> None:
-    half = 0.1 * F / (0.999 - RHO * sin(THETA))
+    half = 0.1 * F / (0.999 - RHO * cos(THETA))
     # A pixel that an edge crosses has a grey between: linear in the place of the edge, half a sample off.
     assert edges(row_of(1.0)) == pytest.approx([-half, half], abs=0.3)
     assert edges(row_of(1.0, focal_error=0.2)) == pytest.approx([-1.2 * half, 1.2 * half], abs=0.3)
