@@ -81,9 +81,12 @@ class StopPromises(Opened):
         await bench.group.enable()
         assert (await bench.group.move({name: bench.target(name, 0.0)})).all_settled
 
-    async def test_an_emergency_stop_that_is_not_latched_is_an_error(self, bench: Bench) -> None:
+    @pytest.mark.parametrize("instead", ["stop", "disable"])
+    async def test_an_emergency_stop_that_is_not_latched_is_an_error(
+        self, bench: Bench, instead: str
+    ) -> None:
         drive = bench.group.drive
-        drive.emergency_stop = lambda: drive.stop(bench.joints)  # type: ignore[method-assign]
+        drive.emergency_stop = lambda: getattr(drive, instead)(bench.joints)  # type: ignore[method-assign]
         with pytest.raises(DeviceFault, match="emergency stop could not be confirmed"):
             await bench.group.emergency_stop()
 
