@@ -1,6 +1,7 @@
 """What every drive promises of stops, faults, cancellation and a host that was away."""
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
@@ -9,6 +10,7 @@ from medusa.head.drive import Reading
 from medusa.head.faults import Cause, Fault, JointFault
 from medusa.head.joint_group import JointGroup
 from medusa.head.moves import MoveStopped
+from medusa.head.stopping import MARGIN_SECONDS
 from medusa.testing.bench import REST_RATE, Bench
 from medusa.testing.opened import Opened
 
@@ -65,6 +67,38 @@ class StopPromises(Opened):
         drive.read = read  # type: ignore[method-assign]
         await bench.group.clear()
         await bench.group.enable()
+
+    async def test_one_reading_twice_confirms_no_stop(self, bench: Bench) -> None:
+        drive, read = bench.group.drive, bench.group.drive.read
+        again: list[Reading] = []
+
+        async def repeat(names: object = None) -> Reading:
+            if not again:
+                reading = await read()
+                still = {name: replace(joint, moving=False) for name, joint in reading.joints.items()}
+                again.append(replace(reading, joints=still))
+            return again[0]
+
+        await bench.group.move({bench.joints[0]: bench.target(bench.joints[0], 0.0)})
+        await bench.group.velocity({bench.joints[0]: bench.speed(bench.joints[0], 0.1)})
+        drive.read = repeat  # type: ignore[method-assign]
+        with pytest.raises(DeviceFault, match="could not be confirmed"):
+            await bench.group.stop()
+        drive.read = read  # type: ignore[method-assign]
+
+    async def test_a_stop_that_is_not_obeyed_becomes_an_emergency_stop(self, bench: Bench) -> None:
+        name = bench.joints[0]
+        await bench.group.move({name: bench.target(name, -0.8)})
+        await bench.group.velocity({name: bench.speed(name, 0.1)})
+        drive = bench.group.drive
+        obeyed, drive.stop = drive.stop, lambda names: asyncio.sleep(0)  # type: ignore[method-assign]
+        with pytest.raises(DeviceFault, match="stop could not be confirmed"):
+            await bench.group.stop()
+        drive.stop = obeyed  # type: ignore[method-assign]
+        await asyncio.sleep(MARGIN_SECONDS)
+        assert await bench.at_rest()
+        joints = (await bench.group.read()).joints
+        assert all(Cause.EMERGENCY_STOP in joint.latched for joint in joints.values())
 
     async def test_an_emergency_stop_is_latched_until_it_is_cleared(self, bench: Bench) -> None:
         name = bench.joints[0]
