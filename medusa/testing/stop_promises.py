@@ -124,6 +124,21 @@ class StopPromises(Opened):
         with pytest.raises(DeviceFault, match="emergency stop could not be confirmed"):
             await bench.group.emergency_stop()
 
+    async def test_an_emergency_stop_that_leaves_joints_driven_is_an_error(self, bench: Bench) -> None:
+        drive, read = bench.group.drive, bench.group.drive.read
+        if bench.group.can.emergency == "holds":
+            pytest.skip("this machine holds its joints after an emergency stop")
+
+        async def driven(names: object = None) -> Reading:
+            reading = await read()
+            joints = {name: replace(joint, enabled=True) for name, joint in reading.joints.items()}
+            return replace(reading, joints=joints)
+
+        drive.read = driven  # type: ignore[method-assign]
+        with pytest.raises(DeviceFault, match="emergency stop could not be confirmed"):
+            await bench.group.emergency_stop()
+        drive.read = read  # type: ignore[method-assign]
+
     async def test_disabling_lets_go_of_joints_at_rest_only(self, bench: Bench) -> None:
         await bench.turn(bench.joints[0])
         await bench.group.disable()
