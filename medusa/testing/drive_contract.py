@@ -5,11 +5,12 @@ machine cannot stage is left out of its mapping, and the tests of it are skipped
 """
 
 from medusa.testing.bench import Machine
+from medusa.testing.confirmation_promises import ConfirmationPromises
 from medusa.testing.motion_promises import MotionPromises
 from medusa.testing.stop_promises import StopPromises
 
 __all__ = ["DriveContract", "Machine"]
 
 
-class DriveContract(MotionPromises, StopPromises):
+class DriveContract(MotionPromises, StopPromises, ConfirmationPromises):
     """All promises; a subclass overrides `machine`."""
