@@ -1,0 +1,1 @@
+"""What the flow's experiment and benchmark share: textures moved exactly, walls, peers, scores."""
