@@ -27,7 +27,7 @@ FLOOR_PX = 0.06
 """What aliasing moves an edge by."""
 CURVED = 0.18
 """What the first order misses, as a part of the flow."""
-MISFIT = 0.85
+MISFIT = 0.84
 """What the pixels around miss of one common motion, as a part of what this one may."""
 AROUND_PX = 2.5
 """Standard deviation of the Gaussian over which the misfit is taken."""
@@ -81,7 +81,7 @@ def estimate_warped_normal_flow(first: Image, second: Image, noise: float | None
     """Normal flow from one frame to the next over several pixels: the second is warped once, what is left is measured.
 
     It is warped by the motion that least squares over windows find, coarse to fine, down to half the size. The
-    variance takes in what the pixels around miss of one common motion: σ² = (σ_t² + (.85 e)²)/|∇I|² + .06²,
+    variance takes in what the pixels around miss of one common motion: σ² = (σ_t² + (.84 e)²)/|∇I|² + .06²,
     e² = Ī_t² − bᵀA⁻¹b.
 
     Args:
