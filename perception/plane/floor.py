@@ -40,7 +40,7 @@ class FloorSight:
 
     @property
     def believed(self) -> bool:
-        """Whether the floor's motion was seen, so that no obstacle means none."""
+        """Whether the motion of most of the floor was seen, so that no obstacle means none."""
         return self.seen is not None and self.seen.believed
 
     def place_of(self, obstacle: Obstacle, camera: Intrinsics) -> Vector:
@@ -72,7 +72,8 @@ class FloorWatch:
         seen = estimate_plane_motion(key, image, prior)
         flow_px = _flow_px(key.window, prior, camera, since)
         heights, obstacles = None, []
-        if seen is not None and seen.believed:
+        # Also what hides most of the floor has a height, though it may have been taken for the floor.
+        if seen is not None and seen.known:
             parallax = Parallax.of(key.window, camera, since, floor.q)
             heights = measure_heights(key, image, seen, parallax)
             obstacles = find_obstacles(heights)

@@ -51,9 +51,14 @@ class PlaneMotion:
         return self.window.half * float(np.sqrt(np.sum(products * self.covariance) / pixels))
 
     @property
+    def known(self) -> bool:
+        """Whether there is texture, and the motion follows from it."""
+        return self.correlation >= BARE and self.deviation_px <= VAGUE_PX
+
+    @property
     def believed(self) -> bool:
-        """Whether the motion is known, and of so much of the window that another plane was not taken for this one."""
-        return self.inliers >= BELIEVED and self.correlation >= BARE and self.deviation_px <= VAGUE_PX
+        """Whether it is known, and of so much of the window that another plane was not taken for this one."""
+        return self.known and self.inliers >= BELIEVED
 
     @property
     def gain(self) -> float:
