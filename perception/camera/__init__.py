@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from perception.camera.intrinsics import Intrinsics as Intrinsics
     from perception.camera.intrinsics import format_intrinsics as format_intrinsics
     from perception.camera.intrinsics import load_intrinsics as load_intrinsics
+    from perception.camera.motion import Motion as Motion
     from perception.camera.pairing import FramePair as FramePair
     from perception.camera.pairing import paired as paired
     from perception.camera.slot import SlotCamera as SlotCamera
@@ -42,6 +43,7 @@ else:
             " IntrinsicsError SettingRefused",
             "frame": "Camera CameraStatistics Frame Image",
             "intrinsics": "Intrinsics format_intrinsics load_intrinsics",
+            "motion": "Motion",
             "pairing": "FramePair paired",
             "slot": "SlotCamera",
             "source": "Source",

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from perception.depth.estimator import DepthFromMotion as DepthFromMotion
     from perception.depth.estimator import DepthMap as DepthMap
     from perception.depth.filter.inverse_depth import InverseDepth as InverseDepth
-    from perception.depth.geometry.motion import Motion as Motion
     from perception.depth.geometry.pinhole import Pinhole as Pinhole
     from perception.depth.settings import DEFAULT as DEFAULT
     from perception.depth.settings import PRESETS as PRESETS
@@ -24,7 +23,6 @@ else:
             "errors": "DepthError ImageError MotionError OptionError",
             "estimator": "DepthFromMotion DepthMap",
             "filter.inverse_depth": "InverseDepth",
-            "geometry.motion": "Motion",
             "geometry.pinhole": "Pinhole",
             "settings": "DEFAULT PRESETS DepthSettings",
         },

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.motion import Motion
 from perception.depth.errors import ImageError
 from perception.depth.filter.forward_warp import forward_warp
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.keyframe import Keyframe
 from perception.depth.match.coarse_match import LESS_COST, match_turned

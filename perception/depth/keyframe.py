@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.motion import Motion
+from perception.camera.motion import Motion
 from perception.depth.match.view import View
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
+from perception.camera.intrinsics import Intrinsics
 from perception.flow.normal import estimate_normal_flow
 from perception.plane.errors import PlaneError
 from perception.plane.plane_motion import PlaneMotion

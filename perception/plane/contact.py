@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
+from perception.camera.intrinsics import Intrinsics
 from perception.plane.plane_motion import PlaneMotion, tangent
 
 Matrix = NDArray[np.float64]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from perception.plane.direct import estimate_plane_motion
 from perception.plane.heights import HeightMap, measure_heights
 from perception.plane.metric_plane import MetricPlane

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.memory import keep_freed_memory
+from perception.image.memory import keep_freed_memory
 from perception.plane.errors import PlaneError
 from perception.plane.window import Window
 

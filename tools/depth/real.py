@@ -7,7 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from perception.depth import DEFAULT, PRESETS, DepthFromMotion, DepthSettings, Motion
+from perception.camera.motion import Motion
+from perception.depth import DEFAULT, PRESETS, DepthFromMotion, DepthSettings
 from tools.depth.light import LIGHTS, dim
 from tools.depth.peers import Field, bad_percent, fill_from_left, match_bm, match_sgbm
 from tools.depth.real_images import Image, Views

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth import Motion, Pinhole
+from perception.camera.motion import Motion
+from perception.depth import Pinhole
 from tools.depth.scenes import Sequence
 
 Image = NDArray[np.uint8]

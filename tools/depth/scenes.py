@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth import Motion, Pinhole
+from perception.camera.motion import Motion
+from perception.depth import Pinhole
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from perception.plane.metric_plane import MetricPlane
 from sim_devices.worlds.placement import Placement, facing, rotation_about, still
 from sim_devices.worlds.surface import Rectangle, box
@@ -19,7 +19,7 @@ from tools.plane.images import expose, look, square_optics, texture_of
 Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
 SIDE, FOCAL, HEIGHT_M, BOX_M = 128, 160.0, 0.5, 0.12
-CAMERA = Intrinsics(FOCAL, FOCAL, (SIDE - 1) / 2, (SIDE - 1) / 2)
+CAMERA = Intrinsics(SIDE, SIDE, FOCAL, FOCAL, (SIDE - 1) / 2, (SIDE - 1) / 2)
 TEXEL_M = {"noise": 0.0008, "photo": 0.0011}
 TURN_DEG = 0.3
 """Standard deviation of how the camera turns in a step."""

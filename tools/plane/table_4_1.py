@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
+from perception.camera.intrinsics import Intrinsics
 from perception.plane.affine_flow import AffineSettings, fit_affine
 from perception.plane.contact import estimate_contact
 from perception.plane.inverse_perspective import InversePerspective
@@ -80,7 +80,7 @@ def try_homography(rng: np.random.Generator, sigma: float) -> Trial:
     homography = window.to_pixels @ from_delta(np.asarray(1e-3 * delta)) @ window.from_pixels
     every = np.ones((window.rows, window.columns))
     motion = PlaneMotion(homography, window, np.eye(8), model.T @ model, np.zeros(4), 1.0, 1.0, 1.0, every)
-    slopes = estimate_contact(motion, Intrinsics(FX, FY, 0.0, 0.0)).slopes
+    slopes = estimate_contact(motion, Intrinsics(256, 256, FX, FY, 0.0, 0.0)).slopes
     return _angles(slopes[0] / FX, slopes[1] / FY)
 
 

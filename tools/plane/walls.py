@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from sim_devices.worlds.optics import Optics
 from sim_devices.worlds.placement import facing, still
 from sim_devices.worlds.surface import Rectangle
@@ -19,7 +19,7 @@ Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
 Vector = NDArray[np.float64]
 SIDE, FOCAL, WINDOW = 128, 128.0, 80
-CAMERA = Intrinsics(FOCAL, FOCAL, (SIDE - 1) / 2, (SIDE - 1) / 2)
+CAMERA = Intrinsics(SIDE, SIDE, FOCAL, FOCAL, (SIDE - 1) / 2, (SIDE - 1) / 2)
 WALL_M = 1.5
 """Height of the texture on a wall 1 m away: the window shows half of it."""
 

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.geometry.motion import Motion
+from perception.camera.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.image.bands import join_bands
 from perception.image.select import select

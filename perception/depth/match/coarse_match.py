@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from perception.camera.motion import Motion
 from perception.depth.filter.inverse_depth import InverseDepth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.match.plane_choice import Choice, choose_planes
 from perception.depth.match.view import View
 from perception.depth.settings import DepthSettings

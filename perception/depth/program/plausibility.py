@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from perception.camera.motion import Motion
 from perception.depth.errors import MotionError
 from perception.depth.estimator import LEAST_PARALLAX_PX, DepthMap
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DepthSettings
 

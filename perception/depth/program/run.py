@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from perception.depth.errors import ImageError, MotionError, OptionError
 from perception.depth.estimator import DepthFromMotion, DepthMap
 from perception.depth.files.depth_image import colour_depth
@@ -19,7 +20,6 @@ from perception.depth.files.motion_file import read_poses
 from perception.depth.files.point_cloud import write_ply
 from perception.depth.files.reference import read_reference
 from perception.depth.files.sequence import list_images, read_image
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.program.accuracy import Accuracy, compare
 from perception.depth.program.plausibility import check_motion, explain_no_parallax, find_implausibility

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.motion import Motion
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.match.coarse_match import CoarseMatch
 from perception.depth.refine.essd import BaseWindow, Window, noise_power, sample_surface
 from perception.depth.settings import DepthSettings

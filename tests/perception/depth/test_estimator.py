@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import DEFAULT
 from tools.depth.real_images import read_cones, read_tsukuba, read_tum

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.errors import ImageError
 from perception.depth.estimator import DepthFromMotion
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.settings import PRESETS
 

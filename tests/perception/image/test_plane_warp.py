@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.image.plane_warp import find_shift, shift_image, warp_image
 

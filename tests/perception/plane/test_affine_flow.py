@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.depth.intrinsics import Intrinsics
+from perception.camera.intrinsics import Intrinsics
 from perception.plane.affine_flow import AffineFlow, fit_affine
 from perception.plane.errors import PlaneError
 from perception.plane.plane_motion import PlaneMotion
@@ -53,7 +53,7 @@ def test_five_points_are_too_few() -> None:
 
 
 def test_the_first_order_of_a_homography_is_its_affine_flow() -> None:
-    camera = Intrinsics(F, F, 63.5, 63.5)
+    camera = Intrinsics(128, 128, F, F, 63.5, 63.5)
     window = Window.central((128, 128), 80, 80)
     homography = np.array([[1.02, 0.01, 1.0], [-0.02, 1.03, -2.0], [1e-4, -2e-4, 1.0]])
     every = np.ones((10, 10))

@@ -4,15 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from perception.plane.contact import estimate_contact
 from perception.plane.errors import PlaneError
 from perception.plane.metric_plane import MetricPlane, measure_plane, plane_homography
 from perception.plane.plane_motion import PlaneMotion, from_delta, to_delta
 from perception.plane.window import Window
 
-CAMERA = Intrinsics(150.0, 140.0, 61.0, 66.0)
+CAMERA = Intrinsics(128, 128, 150.0, 140.0, 61.0, 66.0)
 WINDOW = Window.central((128, 128), 80, 80)
 INFORMATION = WINDOW.flow_products().sum(axis=0).reshape(8, 8) * 200
 PLANE = np.array([-0.25, 0.15, 0.9])

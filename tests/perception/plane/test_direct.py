@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.depth.intrinsics import Intrinsics
-from perception.depth.motion import Motion
+from perception.camera.intrinsics import Intrinsics
+from perception.camera.motion import Motion
 from perception.plane.direct import estimate_plane_motion
 from perception.plane.errors import PlaneError
 from perception.plane.metric_plane import plane_homography
@@ -17,7 +17,7 @@ from perception.plane.template import Template
 from perception.plane.window import Window
 
 Waves = Callable[..., NDArray[np.uint8]]
-CAMERA = Intrinsics(128.0, 128.0, 63.5, 63.5)
+CAMERA = Intrinsics(128, 128, 128.0, 128.0, 63.5, 63.5)
 WINDOW = Window.central((128, 128), 80, 80)
 STILL = np.eye(3)
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from perception.depth.motion import Motion
+from perception.camera.motion import Motion
 from perception.plane.departure import measure_departure
 from perception.plane.direct import estimate_plane_motion
 from perception.plane.floor import FloorSight, FloorWatch

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.errors import MotionError
 from perception.depth.files.motion_file import read_poses
-from perception.depth.geometry.motion import Motion
 
 HEADER = "tx,ty,tz,wx,wy,wz\n"
 TIMED = [Path("1.000.png"), Path("1.010.png"), Path("1.020.png")]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.filter.forward_warp import forward_warp
 from perception.depth.filter.inverse_depth import InverseDepth, fuse, predict_inverse_depth
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 from perception.depth.refine.holes import fill_holes
 from perception.depth.thesis.warp import warp_map

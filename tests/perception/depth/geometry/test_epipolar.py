@@ -1,10 +1,13 @@
 """Where points go when the camera moves, thesis (2.20)–(2.22), against the rigid transform of points in space."""
 
+from itertools import pairwise
+
+import cv2
 import numpy as np
 import pytest
 
+from perception.camera.motion import Motion
 from perception.depth.geometry.epipolar import Epipolar
-from perception.depth.geometry.motion import Motion
 from perception.depth.geometry.pinhole import Pinhole
 
 CAMERA = Pinhole(120.0, 110.0, 30.5, 22.0)
@@ -93,3 +96,36 @@ def test_planes_stand_a_pixel_apart() -> None:
 def test_pure_rotation_shows_no_parallax() -> None:
     turning = Motion.from_velocity(np.zeros(3), np.array([0.1, 0.2, 0.05]), 1.0)
     assert Epipolar(CAMERA, turning, SHAPE).parallax(10.0, 0.001) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_point_goes_where_the_pinhole_camera_puts_it():
+    camera = Pinhole(200.0, 210.0, 79.5, 59.5)
+    motion = Motion(cv2.Rodrigues(np.array([0.05, -0.1, 0.2]))[0], np.array([0.2, -0.1, 0.3]))
+    depth = np.float32(2.5)
+    projection = Epipolar(camera, motion, (120, 160)).project(np.float32(1 / depth))
+    row, column = 30, 100
+    point = np.array([(column - 79.5) / 200 * 2.5, (row - 59.5) / 210 * 2.5, 2.5])
+    moved = motion.rotation @ point + motion.translation
+    # Single precision on coordinates of hundreds of pixels.
+    assert projection.x[row, column] == pytest.approx(200 * moved[0] / moved[2] + 79.5, abs=1e-3)
+    assert projection.y[row, column] == pytest.approx(210 * moved[1] / moved[2] + 59.5, abs=1e-3)
+    assert projection.scale[row, column] == pytest.approx(moved[2] / 2.5, abs=1e-5)
+
+
+def test_the_slope_is_the_derivative_of_the_projection():
+    camera = Pinhole(200.0, 200.0, 79.5, 59.5)
+    geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.1, 0.05, 0.2])), (120, 160))
+    here, near = geometry.project(0.5), geometry.project(0.501)
+    numeric = (near.x - here.x) / 0.001
+    # Second-order term of a step of 0.001 1/m and single precision.
+    assert np.abs(numeric - here.slope_x).max() < 0.2
+
+
+def test_no_pixel_jumps_by_more_than_a_step_between_two_planes():
+    camera = Pinhole(300.0, 300.0, 159.5, 119.5)
+    geometry = Epipolar(camera, Motion(np.eye(3), np.array([0.1, 0, 0.02])), (240, 320))
+    planes = geometry.planes(0.1, 1.0)
+    steps = [geometry.parallax(float(b), float(a)) for a, b in pairwise(planes)]
+    # Even steps in 1/Z are not quite even in pixels when the camera moves forward: 5 % over.
+    assert max(steps) < 1.05
+    assert min(steps) > 0.5

@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.errors import MotionError
-
 Matrix = NDArray[np.float64]
 
 
@@ -19,7 +17,7 @@ class Motion:
     first frame is −Rᵀt.
 
     Raises:
-        MotionError: the shapes are wrong, a value is not finite, or R is no rotation.
+        ValueError: the shapes are wrong, a value is not finite, or R is no rotation.
     """
 
     rotation: Matrix
@@ -28,11 +26,11 @@ class Motion:
     def __post_init__(self) -> None:
         rotation, translation = np.asarray(self.rotation, float), np.asarray(self.translation, float)
         if rotation.shape != (3, 3) or translation.shape != (3,):
-            raise MotionError("a motion is a 3×3 rotation and a translation of three components")
+            raise ValueError("a motion is a 3×3 rotation and a translation of three components")
         if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-            raise MotionError("the motion holds a value that is no number")
+            raise ValueError("the motion holds a value that is no number")
         if abs(np.linalg.det(rotation) - 1) > 1e-3 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
-            raise MotionError("the motion's 3×3 part is no rotation")
+            raise ValueError("the motion's 3×3 part is no rotation")
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
 
