@@ -29,3 +29,17 @@ async def test_a_reading_from_before_a_stop_is_read_anew_before_a_rate() -> None
     assert asked == 1
     await guard.without_margin({name: drive.traits[name].rate_step})
     assert asked == 1
+
+
+async def test_a_joint_that_still_has_its_old_rate_has_the_margin_of_that_rate() -> None:
+    config = parse_config(template(), "the template")
+    assert isinstance(config, IdealConfig)
+    drive = IdealDrive(config.traits)
+    guard = VelocityGuard(drive)
+    name = next(iter(drive.traits))
+    fast = 0.5 * drive.traits[name].speed
+    guard.take_reading(await drive.read())
+    guard.take_rates({name: fast})
+    assert guard.stopping_margin(name, fast) < guard.stopping_margin(name, -0.1 * fast)
+    assert guard.stopping_margin(name, 0.1 * fast) == guard.stopping_margin(name, fast)
+    await guard.end()
