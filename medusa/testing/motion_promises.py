@@ -2,10 +2,11 @@
 
 import asyncio
 import math
+from collections.abc import Mapping
 
 import pytest
 
-from medusa.errors import CommandError
+from medusa.errors import CommandError, NoReply
 from medusa.head.drive import Speeds
 from medusa.head.faults import Cause
 from medusa.head.joint_group import JointGroup
@@ -152,6 +153,24 @@ class MotionPromises(Opened):
             await bench.group.velocity({name: rate})
         assert (await bench.group.drive_rates({name: rate})).limited == {name}
         assert await bench.at_rest()
+
+    async def test_a_rate_whose_reply_is_lost_ends_before_the_soft_limit_too(self, bench: Bench) -> None:
+        name, drive = bench.joints[0], bench.group.drive
+        set_rates = drive.set_rates
+
+        async def lose_the_reply(rates: Mapping[str, float]) -> dict[str, float]:
+            await set_rates(rates)
+            raise NoReply("no reply")
+
+        await bench.group.move({name: bench.target(name, 0.5)})
+        drive.set_rates = lose_the_reply  # type: ignore[method-assign]
+        with pytest.raises(NoReply):
+            await bench.group.velocity({name: bench.speed(name)})
+        drive.set_rates = set_rates  # type: ignore[method-assign]
+        traits = bench.group.traits[name]
+        await asyncio.sleep(0.5 * (traits.high - traits.low) / bench.speed(name))
+        assert await bench.at_rest()
+        assert (await bench.group.read()).joints[name].angle <= traits.high
 
     @pytest.mark.parametrize("end", ["stop", "move", "together", "zero", "disable", "park"])
     async def test_whatever_ends_a_rate_keeps_to_the_acceleration(self, bench: Bench, end: str) -> None:
